@@ -229,7 +229,7 @@ def main():
             told = run(softras, folder, "fit", "--views", at, *arguments.fit.split(), "-o", f"{at}.obj", "--json", f"{at}.json", *options)
             seconds = time.time() - began
             log = json.loads((folder / f"{at}.json").read_text())["final"]
-            judge = f"fit --views held_out --color --template {at}.obj --keep-views --keep-cameras --hold-out 0 --iterations 1 --rate 1e-9 -o x.obj --json judge.json"
+            judge = f"fit --views held_out --color --template {at}.obj --keep-views --keep-cameras --keep-exposure --crop 0 --hold-out 0 --iterations 1 --rate 1e-9 -o x.obj --json judge.json"
             run(softras, folder, *judge.split())
             judged = json.loads((folder / "judge.json").read_text())["final"]
             number = lambda x: "–" if x is None else f"{x:.4f}"

@@ -2,10 +2,11 @@
 
 use crate::{
     ShapeFit, ShapeOptions, ShapeRun, StepLosses, bad, checkpoint, crop, doubt, exposure,
-    options::{FitOptions, Preset},
+    options::{FitOptions, Preset, Template},
     paint::{self, Painted, Progress, Told},
     refine,
     scores::Scores,
+    seen::Seen,
     setup::Setup,
     subject::{Subject, ViewsOfMesh},
 };
@@ -178,6 +179,18 @@ impl Fitting {
         self.best().map_or(self.mesh(), |(best, _)| best).clone()
     }
 
+    /// The mesh of least loss; vertices that no fitted view sees have the colours of those beside them.
+    fn colored(&self, renderer: &mut Renderer) -> Result<Mesh> {
+        let (mesh, given) = (self.found(), &self.setup.given);
+        if matches!(given.template, Template::Mesh(_)) || given.preset == Preset::Official || !given.is_colored() {
+            return Ok(mesh);
+        }
+        let settings = self.setup.settings(self.setup.iterations);
+        let views = &self.run.targets;
+        let all: Vec<usize> = (0..views.cameras.len()).collect();
+        Seen::of(&mesh, views, &settings, renderer)?.spread(mesh, &all)
+    }
+
     /// Takes what the user should know since the last call: where the mesh was cut anew, and why it begins with what it does.
     pub fn take_notes(&mut self) -> Vec<String> {
         std::mem::take(&mut self.notes)
@@ -190,7 +203,7 @@ impl Fitting {
     pub fn paint(&mut self, renderer: &mut Renderer, told: &mut Told) -> Result<Option<Painted>> {
         let given = &self.setup.given;
         let Some(side) = given.texture.filter(|_| !given.keeps_shape()) else { return Ok(None) };
-        let best = self.found();
+        let best = self.colored(renderer)?;
         let painted = paint::painted(&best, side, &self.setup, &self.subject, &self.run.targets, (renderer, told))?;
         self.notes.push(painted.sentence());
         Ok(Some(painted))
@@ -201,8 +214,10 @@ impl Fitting {
     /// # Errors
     /// As [`Renderer::render`].
     pub fn finish(self, painted: Option<Painted>, renderer: &mut Renderer) -> Result<Fitted> {
-        let best = self.found();
-        let mesh = painted.as_ref().map_or(best, |painted| painted.mesh.clone());
+        let mesh = match &painted {
+            Some(painted) => painted.mesh.clone(),
+            None => self.colored(renderer)?,
+        };
         let scores = Scores::of(&mesh, &self.setup, &self.subject, renderer)?;
         let is_complete =
             self.next_step() == self.setup.iterations && painted.as_ref().is_none_or(|painted| painted.is_complete);

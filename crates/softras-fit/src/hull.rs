@@ -131,7 +131,8 @@ fn enlarged(picture: &Image, most: usize) -> Image {
     let times = (FINE_HEIGHT / picture.height).clamp(1, most);
     let (height, width) = (times * picture.height, times * picture.width);
     let at = |i: usize| (i as f64 + 0.5) / times as f64;
-    let data = (0..height).flat_map(|row| (0..width).map(move |column| sample(picture, 0, 0, at(column), at(row)) as f32));
+    let data =
+        (0..height).flat_map(|row| (0..width).map(move |column| sample(picture, 0, 0, at(column), at(row)) as f32));
     Image { height, width, data: data.collect(), ..*picture }
 }
 

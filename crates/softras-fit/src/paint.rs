@@ -1,7 +1,19 @@
 //! The texture that `--texture` makes of a mesh without one: an atlas on the mesh that was found, whose texels are fitted while
 //! the shape stays.
 
-use crate::{Schedule, color::color_error, setup::Setup, subject::Subject, texels::Texels, with_atlas};
+use crate::{
+    Schedule,
+    atlas::{atlas, between, corner_colors},
+    cameras,
+    color::color_error,
+    points,
+    seen::{Seen, normals},
+    setup::Setup,
+    subject::Subject,
+    texels::Texels,
+    with_atlas,
+};
+use glam::DVec3;
 use softras::{Mesh, Renderer, Result, scene::Appearance};
 use softras_io::Views;
 use std::ops::ControlFlow;
@@ -12,6 +24,8 @@ const STEPS: usize = 100;
 const RATE: Schedule = Schedule::Exponential { from: 0.1, to: 0.005 };
 /// The length of a texel in pixels of the images, where the texture has room.
 const TEXEL: f64 = 1.0;
+/// Photographs that a triangle's texels are taken of, those that see it most squarely.
+const BLENDED: usize = 4;
 
 /// Where a fit is.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -56,11 +70,19 @@ pub fn painted(
     views: &Views,
     (renderer, told): (&mut Renderer, &mut Told),
 ) -> Result<Painted> {
-    let (start, texel) = with_atlas(mesh, TEXEL * subject.pixel, most)?;
-    let texel = texel / subject.pixel;
     let settings = setup.settings(setup.iterations);
     let fitted = setup.given.fitted(subject);
     let by_vertices = color_error(mesh, &settings, subject, &fitted, renderer)?;
+    if let Some(photographs) = &subject.photographs {
+        let seen = Seen::of(mesh, photographs, &settings, renderer)?;
+        let pixel = cameras::pixel(&photographs.cameras, subject.bounds.center, photographs.size()?);
+        let (mesh, texel) = photographed(mesh, TEXEL * pixel, most, &seen, &fitted)?;
+        let errors = [by_vertices, color_error(&mesh, &settings, subject, &fitted, renderer)?];
+        let (side, texel, losses) = (side(&mesh), texel / pixel, Vec::new());
+        return Ok(Painted { mesh, is_complete: true, side, texel, losses, errors });
+    }
+    let (start, texel) = with_atlas(mesh, TEXEL * subject.pixel, most)?;
+    let texel = texel / subject.pixel;
     let mut texels = Texels::new(start, setup, &subject.lights, views, renderer)?;
     let (mut losses, mut is_broken) = (Vec::with_capacity(STEPS), false);
     while texels.can_step() && losses.len() < STEPS && !is_broken {
@@ -72,6 +94,25 @@ pub fn painted(
     let mesh = texels.mesh().clone();
     let errors = [by_vertices, color_error(&mesh, &settings, subject, &fitted, renderer)?];
     Ok(Painted { side: side(&mesh), texel, mesh, is_complete, losses, errors })
+}
+
+/// The mesh with texels as photographs show them, and as the vertices have them where no photograph does.
+fn photographed(mesh: &Mesh, texel: f64, most: u32, seen: &Seen, views: &[usize]) -> Result<(Mesh, f64)> {
+    let (color, points, normals) = (corner_colors(mesh)?, points(mesh), normals(mesh));
+    atlas(mesh, texel, most, |triangle, corners| {
+        let vertices = corners.map(|corner| mesh.triangles()[triangle][corner]);
+        let mix = |[a, b, c]: [DVec3; 3], along: f64, up: f64| a + along * (b - a) + up * (c - a);
+        let [places, directions] = [&points, &normals].map(|all| vertices.map(|vertex| all[vertex as usize]));
+        let colors = vertices.map(&color);
+        let third = 1.0 / 3.0;
+        let mut near = seen.views(views, mix(places, third, third), mix(directions, third, third).normalize_or_zero());
+        near.truncate(BLENDED);
+        move |along, up| {
+            let (place, normal) = (mix(places, along, up), mix(directions, along, up).normalize_or_zero());
+            let shown = seen.color(&near, place, normal).or_else(|| seen.color(views, place, normal));
+            shown.map_or_else(|| between(colors, along, up), |shown| shown.as_vec3().to_array())
+        }
+    })
 }
 
 impl Painted {

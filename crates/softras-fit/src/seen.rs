@@ -3,7 +3,7 @@
 use crate::{
     Topology, doubles,
     hull::{depth_at, sample},
-    points, sized,
+    points, singles, sized,
 };
 use glam::DVec3;
 use softras::{
@@ -26,6 +26,7 @@ const ROUNDS: usize = 200;
 /// Views, and the depths of a mesh in them.
 pub struct Seen<'a> {
     views: &'a Views,
+    eyes: Vec<DVec3>,
     depths: Image,
     size: (u32, u32),
 }
@@ -42,15 +43,15 @@ impl<'a> Seen<'a> {
             depths.data.extend_from_slice(&frame.depth()?.data);
             Ok(())
         })?;
-        Ok(Self { views, depths, size: (width as u32, height as u32) })
+        let eyes = views.cameras.iter().map(|camera| camera.matrix().inverse().transform_point3(DVec3::ZERO)).collect();
+        Ok(Self { views, eyes, depths, size: (width as u32, height as u32) })
     }
 
     /// The colour that a view shows of a point, and the cosine between the normal there and the direction to the camera; `None` where
     /// something is before it or the picture's border or outline is near.
     pub fn by(&self, view: usize, point: DVec3, normal: DVec3) -> Option<(DVec3, f64)> {
         let (camera, color) = (&self.views.cameras[view], self.views.color.as_ref()?);
-        let to_camera = camera.matrix().inverse().transform_point3(DVec3::ZERO) - point;
-        let cosine = normal.dot(to_camera.normalize_or_zero());
+        let cosine = normal.dot((self.eyes[view] - point).normalize_or_zero());
         if cosine < LEAST_COSINE {
             return None;
         }
@@ -75,21 +76,41 @@ impl<'a> Seen<'a> {
         if columns > 0.0 { step / columns } else { 0.0 }
     }
 
-    /// The colour of a point by those views that see it most squarely; `None` where no view sees it.
-    pub fn color(&self, point: DVec3, normal: DVec3) -> Option<DVec3> {
-        let seen = (0..self.views.cameras.len()).filter_map(|view| self.by(view, point, normal));
+    /// Those of some views that see a point, the most squarely first.
+    pub fn views(&self, some: &[usize], point: DVec3, normal: DVec3) -> Vec<usize> {
+        let cosine = |view: &usize| Some((*view, self.by(*view, point, normal)?.1));
+        let mut seen: Vec<(usize, f64)> = some.iter().filter_map(cosine).collect();
+        seen.sort_by(|a, b| b.1.total_cmp(&a.1));
+        seen.into_iter().map(|(view, _)| view).collect()
+    }
+
+    /// The colour of a point by those of some views that see it most squarely; `None` where none sees it.
+    pub fn color(&self, some: &[usize], point: DVec3, normal: DVec3) -> Option<DVec3> {
+        let seen = some.iter().filter_map(|view| self.by(*view, point, normal));
         // A high power selects views, and blends those that are nearly equal.
         let weighted = seen.map(|(color, cosine)| (cosine.powi(8) * color, cosine.powi(8)));
         let (sum, weight) = weighted.reduce(|a, b| (a.0 + b.0, a.1 + b.1))?;
         Some(sum / weight)
     }
 
-    /// Whether some view sees each vertex.
-    pub fn vertices(&self, mesh: &Mesh) -> Result<Vec<bool>> {
-        let is_seen = |(point, normal): (DVec3, &DVec3)| {
-            (0..self.views.cameras.len()).any(|view| self.by(view, point, *normal).is_some())
-        };
-        Ok(points(mesh).into_iter().zip(&normals(mesh)).map(is_seen).collect())
+    /// The mesh with the colours of its neighbours at each vertex that none of some views sees. A part that none sees keeps its colours.
+    pub fn spread(&self, mesh: Mesh, some: &[usize]) -> Result<Mesh> {
+        let Appearance::VertexColors(colors) = mesh.appearance() else { return Ok(mesh) };
+        let (topology, mut colors) = (Topology::of(&mesh)?, doubles(colors));
+        let is_seen = |(point, normal)| some.iter().any(|view| self.by(*view, point, normal).is_some());
+        let seen: Vec<bool> = points(&mesh).into_iter().zip(normals(&mesh)).map(is_seen).collect();
+        let mut known = seen.clone();
+        for _ in 0..ROUNDS {
+            let (before, reached) = (colors.clone(), known.clone());
+            for vertex in (0..seen.len()).filter(|vertex| !seen[*vertex]) {
+                let around = topology.neighbors(vertex).iter().map(|n| *n as usize).filter(|n| reached[*n]);
+                let (sum, count) = around.fold((DVec3::ZERO, 0usize), |(sum, count), n| (sum + before[n], count + 1));
+                if count > 0 {
+                    (colors[vertex], known[vertex]) = (sum / count as f64, true);
+                }
+            }
+        }
+        mesh.with_appearance(Appearance::VertexColors(singles(&colors)))
     }
 }
 
@@ -102,21 +123,4 @@ pub fn normals(mesh: &Mesh) -> Vec<DVec3> {
         corners.iter().for_each(|corner| normals[*corner as usize] += (b - a).cross(c - a));
     }
     normals.into_iter().map(DVec3::normalize_or_zero).collect()
-}
-
-/// The mesh with the colours of its neighbours at each vertex that no view sees. Where no view sees a part, it keeps its colours.
-pub fn spread(mesh: Mesh, seen: &[bool]) -> Result<Mesh> {
-    let Appearance::VertexColors(colors) = mesh.appearance() else { return Ok(mesh) };
-    let (topology, mut colors, mut known) = (Topology::of(&mesh)?, doubles(colors), seen.to_vec());
-    for _ in 0..ROUNDS {
-        let (before, reached) = (colors.clone(), known.clone());
-        for vertex in (0..seen.len()).filter(|vertex| !seen[*vertex]) {
-            let around = topology.neighbors(vertex).iter().map(|n| *n as usize).filter(|n| reached[*n]);
-            let (sum, count) = around.fold((DVec3::ZERO, 0usize), |(sum, count), n| (sum + before[n], count + 1));
-            if count > 0 {
-                (colors[vertex], known[vertex]) = (sum / count as f64, true);
-            }
-        }
-    }
-    mesh.with_appearance(Appearance::VertexColors(crate::singles(&colors)))
 }

@@ -52,13 +52,26 @@ pub fn with_atlas(mesh: &Mesh, texel: f64, most: u32) -> Result<(Mesh, f64)> {
         return bad(format!("an atlas with texels of {}", shown(texel)), "use a length above 0, in world units");
     }
     let color = corner_colors(mesh)?;
+    atlas(mesh, texel, most, |triangle, corners| {
+        let colors = corners.map(|corner| color(mesh.triangles()[triangle][corner]));
+        move |along: f64, up: f64| between(colors, along, up)
+    })
+}
+
+/// An atlas by the function of each triangle, which is made of its number and the chart's corners, and gives a colour for the shares of
+/// the chart's legs along which a texel lies.
+pub fn atlas<F: Fn(f64, f64) -> [f32; 3]>(
+    mesh: &Mesh,
+    texel: f64,
+    most: u32,
+    color: impl Fn(usize, [usize; 3]) -> F,
+) -> Result<(Mesh, f64)> {
     let Layout { side, texel, charts } = layout::layout(mesh, texel, most)?;
     let mut image = Image { side, texels: vec![[0.0; 3]; side as usize * side as usize] };
     let mut uvs = vec![[0.0; 2]; 3 * charts.len()];
     for (triangle, chart) in &charts {
         let triangle = *triangle as usize;
-        let colors = chart.corners.map(|corner| color(mesh.triangles()[triangle][corner]));
-        image.paint(chart, colors);
+        image.paint(chart, color(triangle, chart.corners));
         for (corner, place) in chart.corners.into_iter().zip(chart.places()) {
             uvs[3 * triangle + corner] = place.map(|x| ((f64::from(x) + 0.5) / f64::from(side)) as f32);
         }
@@ -70,7 +83,7 @@ pub fn with_atlas(mesh: &Mesh, texel: f64, most: u32) -> Result<(Mesh, f64)> {
 }
 
 /// The colour of a vertex, by its index.
-fn corner_colors(mesh: &Mesh) -> Result<impl Fn(u32) -> [f32; 3]> {
+pub fn corner_colors(mesh: &Mesh) -> Result<impl Fn(u32) -> [f32; 3]> {
     let (one, each): ([f32; 3], &[[f32; 3]]) = match mesh.appearance() {
         Appearance::Uniform(color) => (*color, &[]),
         Appearance::VertexColors(colors) => ([0.0; 3], colors),
@@ -86,26 +99,29 @@ struct Image {
 }
 
 impl Image {
-    /// Paints a chart and its border with the colours of its corners. The border between two charts of a rectangle is painted
-    /// by the first of them, which fills the rectangle before the second one is painted.
-    fn paint(&mut self, chart: &Chart, colors: [[f32; 3]; 3]) {
+    /// Paints a chart and its border. The border between two charts of a rectangle is painted by the first of them, which fills the
+    /// rectangle before the second one is painted.
+    fn paint(&mut self, chart: &Chart, color: impl Fn(f64, f64) -> [f32; 3]) {
         let [width, height] = chart.reach();
-        let among = |most: fn(f32, f32) -> f32| [0, 1, 2].map(|k| most(most(colors[0][k], colors[1][k]), colors[2][k]));
-        let (low, high) = (among(f32::min), among(f32::max));
         for j in -1..=height {
             for i in -1..=width {
                 if chart.turned && !chart.reads(i, j) {
                     continue;
                 }
-                let (along, up) = (f64::from(i) / f64::from(chart.legs[0]), f64::from(j) / f64::from(chart.legs[1]));
-                let one = |k: usize| {
-                    let [a, b, c] = colors.map(|color| f64::from(color[k]));
-                    ((a + along * (b - a) + up * (c - a)) as f32).clamp(low[k], high[k])
-                };
                 let [column, row] = chart.place(i, j);
                 let at = (self.side - 1 - row) as usize * self.side as usize + column as usize;
-                self.texels[at] = [one(0), one(1), one(2)];
+                let share = |i: i32, leg: u32| f64::from(i) / f64::from(leg);
+                self.texels[at] = color(share(i, chart.legs[0]), share(j, chart.legs[1]));
             }
         }
     }
+}
+
+/// The colour at shares of the legs from the first corner to the others, within the range of the three.
+pub fn between(colors: [[f32; 3]; 3], along: f64, up: f64) -> [f32; 3] {
+    [0, 1, 2].map(|k| {
+        let [a, b, c] = colors.map(|color| f64::from(color[k]));
+        let least = |most: fn(f64, f64) -> f64| most(most(a, b), c);
+        (a + along * (b - a) + up * (c - a)).clamp(least(f64::min), least(f64::max)) as f32
+    })
 }

@@ -2,13 +2,14 @@
 
 use crate::common::renderer;
 use crate::doubt::{around, solid, views};
+use crate::meshes::{PERSPECTIVE, mapped};
 use glam::{DMat4, DVec3};
-use softras::Camera;
-use softras_fit::{Fit, Fitted};
+use softras::{Camera, Projection, Renderer, Scene, Settings, scene::Appearance, shapes};
+use softras_fit::{Fit, FitOptions, Fitted, Voxels};
 use softras_io::Views;
 use std::ops::ControlFlow;
 
-fn fitted(views: &Views, hold_out: Option<usize>, renderer: &mut softras::Renderer) -> Fitted {
+fn fitted(views: &Views, hold_out: Option<usize>, renderer: &mut Renderer) -> Fitted {
     let mut fit = Fit::new(views.clone()).unwrap();
     fit.options.iterations = Some(4);
     fit.options.keep_views = true;
@@ -66,4 +67,80 @@ fn cameras_that_point_aside_are_refined_and_right_ones_stay() {
     assert!(noted && refined > kept + 0.02, "{refined} with refined cameras, {kept} with those given");
     let ((mesh, _, noted), (same, ..)) = (found(&good, true), found(&good, false));
     assert!(!noted && mesh.positions() == same.positions());
+}
+
+/// Coloured views of a solid from some cameras.
+fn colored(renderer: &mut Renderer, cameras: Vec<Camera>, side: u32, color: impl Fn([f32; 3]) -> [f32; 3]) -> Views {
+    let mesh = shapes::icosphere(5).unwrap();
+    let mesh = mapped(&mesh, |p| [0.6 * p[0], 0.8 * p[1], 0.5 * p[2] + 0.2 * p[0]]);
+    let colors = mesh.positions().iter().map(|p| color(*p)).collect();
+    let scene = Scene::new(mesh.with_appearance(Appearance::VertexColors(colors)).unwrap());
+    let settings = Settings { width: side, height: side, sigma: 1e-7, gamma: 1e-5, ..Settings::default() };
+    let settings = settings.with_depths_of(&scene, &cameras, 0.1);
+    let frame = renderer.render(&scene, &cameras, &settings).unwrap();
+    let (silhouette, color) = (frame.silhouette().unwrap().clone(), frame.color().unwrap().clone());
+    Views { cameras, silhouette: Some(silhouette), color: Some(color), ..Views::default() }
+}
+
+fn run(views: &Views, steps: usize, change: impl Fn(&mut FitOptions), renderer: &mut Renderer) -> Fitted {
+    let mut fit = Fit::new(views.clone()).unwrap().color();
+    fit.options.iterations = Some(steps);
+    change(&mut fit.options);
+    fit.run(renderer, |_| ControlFlow::Continue(())).unwrap()
+}
+
+#[test]
+fn large_pictures_are_cropped_and_give_sharp_textures() {
+    let mut renderer = renderer();
+    let stripes = |p: [f32; 3]| if (6.0 * p[1]).rem_euclid(2.0) < 1.0 { [0.9; 3] } else { [0.1; 3] };
+    // The object takes a quarter of the picture's sides, and is not in its middle.
+    let far = |i: usize| {
+        let angle = std::f64::consts::TAU * i as f64 / 8.0;
+        let eye = DVec3::new(9.0 * angle.sin(), 2.0, 9.0 * angle.cos());
+        Camera::look_at(eye, DVec3::new(0.3, 0.2, 0.0), DVec3::Y, Projection::Perspective { fov_y: 0.6 }).unwrap()
+    };
+    let views = colored(&mut renderer, (0..8).map(far).collect(), 256, stripes);
+    let change = |options: &mut FitOptions| (options.crop, options.texture) = (48, Some(512));
+    let sharp = run(&views, 4, change, &mut renderer);
+    assert_eq!(sharp.notes[0], "pictures of 256×256 pixels are cropped to the object, 48×48 pixels each");
+    let volume = Voxels::new(&sharp.mesh, [-1.0; 3], 2.0, 48).unwrap().volume();
+    assert!((0.95..1.2).contains(&volume), "{volume}, and of the solid 1.0");
+    let Appearance::Textured { textures, .. } = sharp.mesh.appearance() else { unreachable!() };
+    let texels = textures[0].texels();
+    let painted = texels.iter().filter(|texel| texel[0] > 0.02).count();
+    let pure = texels.iter().filter(|texel| texel[0] > 0.02 && (texel[0] - 0.5).abs() > 0.3).count();
+    assert!(4 * pure > 3 * painted, "{pure} of {painted} texels are as bright as a stripe");
+}
+
+#[test]
+fn exposures_that_differ_are_leveled() {
+    let mut renderer = renderer();
+    let color = |p: [f32; 3]| p.map(|x| 0.35 + 0.2 * x);
+    let good = colored(&mut renderer, around(8), 48, color);
+    let mut off = good.clone();
+    let data = &mut off.color.as_mut().unwrap().data;
+    for (view, pixels) in data.chunks_exact_mut(48 * 48 * 3).enumerate() {
+        let gain = 1.5f32.powf(2.0 * (3 * view % 8) as f32 / 7.0 - 1.0);
+        pixels.iter_mut().for_each(|x| *x *= gain);
+    }
+    let mut found = |views: &Views, keep: bool| {
+        let fitted = run(views, 25, |options| options.keep_exposure = keep, &mut renderer);
+        (fitted.scores.color.unwrap(), fitted.notes.iter().any(|note| note.contains("exposures differ")))
+    };
+    let (clean, kept, leveled) = (found(&good, false), found(&off, true), found(&off, false));
+    assert!(!clean.1 && !kept.1 && leveled.1);
+    assert!(leveled.0 < 1.2 * clean.0 && kept.0 > 2.0 * clean.0, "{clean:?} {kept:?} {leveled:?}");
+}
+
+#[test]
+fn what_no_view_sees_has_the_colour_beside_it() {
+    let mut renderer = renderer();
+    let front = |i: usize| Camera::from_angles(4.0, 25.0 * (i % 3) as f64 - 25.0, 14.0 * i as f64 - 49.0, PERSPECTIVE);
+    let cameras = (0..8).map(front).collect::<softras::Result<_>>().unwrap();
+    let views = colored(&mut renderer, cameras, 48, |_| [0.8, 0.2, 0.1]);
+    let fitted = run(&views, 25, |_| (), &mut renderer);
+    let Appearance::VertexColors(colors) = fitted.mesh.appearance() else { unreachable!() };
+    let behind = fitted.mesh.positions().iter().zip(colors).filter(|(p, _)| p[2] > 0.2 || p[2] < -0.2);
+    let off = behind.map(|(_, c)| (c[0] - 0.8).abs().max((c[1] - 0.2).abs())).fold(0.0, f32::max);
+    assert!(off < 0.2, "a colour is off by {off}");
 }
