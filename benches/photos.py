@@ -76,12 +76,18 @@ def turned(degrees):
 
 def pointing(pixels):
     """Each camera turned about itself, so that its picture is off by so many pixels."""
-    def change(views, _, rng):
-        for view in views:
-            way = rng.uniform(0, 2 * math.pi)
-            angle = math.atan(pixels / view["intrinsics"][0][0])
-            turn = rotation([math.cos(way), math.sin(way), 0], angle)
-            view["world_to_camera"] = (turn @ view["world_to_camera"]).tolist()
+    def change(views, center, rng):
+        poses = [np.array(view["world_to_camera"]) for view in views]
+        ways = [rng.uniform(0, 2 * math.pi) for _ in views]
+        # How far the object seems to move, in the world, and less what all cameras do alike, which nobody can know.
+        depths = [(pose @ [*center, 1])[2] for pose in poses]
+        angle = math.atan(pixels / views[0]["intrinsics"][0][0])
+        moves = [pose[:3, :3].T @ [z * angle * math.cos(w), z * angle * math.sin(w), 0] for pose, w, z in zip(poses, ways, depths)]
+        across = [np.eye(3) - np.outer(pose[2, :3], pose[2, :3]) for pose in poses]
+        alike = np.linalg.solve(sum(across), sum(moves))
+        for view, pose, move, plane, z in zip(views, poses, moves, across, depths):
+            x, y, _ = pose[:3, :3] @ (move - plane @ alike) / z
+            view["world_to_camera"] = (rotation([-y, x, 0], math.hypot(x, y)) @ pose).tolist()
 
     return change
 

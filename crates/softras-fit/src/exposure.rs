@@ -13,7 +13,7 @@ use softras::{Image, Mesh, Renderer, Result, Settings};
 
 /// Vertices that are looked at, at most.
 const POINTS: usize = 4000;
-const ROUNDS: usize = 60;
+const ROUNDS: usize = 200;
 /// A gain is told by at least so many points.
 const FEWEST: usize = 20;
 /// Values that say something: neither dark nor at their end.
@@ -21,7 +21,7 @@ const DARKEST: f64 = 0.01;
 const BRIGHTEST: f64 = 0.98;
 /// Gains are taken if one of them is at least this far from 1, by its logarithm, and what remains is at most this share.
 const LEAST_GAIN: f64 = 0.05;
-const MOST_LEFT: f64 = 0.7;
+const MOST_LEFT: f64 = 0.8;
 
 /// What a view shows of a point, by its logarithm.
 struct Sight {
@@ -67,19 +67,21 @@ fn sights(subject: &Subject, mesh: &Mesh, settings: &Settings, renderer: &mut Re
     let surface: Vec<(DVec3, DVec3)> = points(mesh).into_iter().zip(normals(mesh)).collect();
     let mut sights = Vec::new();
     for (point, (place, normal)) in surface.iter().step_by(surface.len().div_ceil(POINTS).max(1)).enumerate() {
-        for view in 0..subject.views.cameras.len() {
-            if let Some((color, _)) = seen.by(view, *place, *normal)
-                && color.min_element() > DARKEST
-                && color.max_element() < BRIGHTEST
-            {
-                sights.push(Sight { point, view, log: color.map(f64::ln) });
-            }
+        let log = |view: usize| {
+            let (color, _) = seen.by(view, *place, *normal)?;
+            let tells = color.min_element() > DARKEST && color.max_element() < BRIGHTEST;
+            tells.then(|| Sight { point, view, log: color.map(f64::ln) })
+        };
+        let of_point: Vec<Sight> = (0..subject.views.cameras.len()).filter_map(log).collect();
+        // One view alone always agrees with itself.
+        if of_point.len() > 1 {
+            sights.extend(of_point);
         }
     }
     Ok(sights)
 }
 
-/// The logarithms of the gains, and the mean absolute differences of the sights without and with them.
+/// The logarithms of the gains, and the median differences of the sights without and with them.
 fn gains(sights: &[Sight], views: usize) -> (Vec<DVec3>, f64, f64) {
     let mut gains = vec![DVec3::ZERO; views];
     let mut by_view: Vec<Vec<&Sight>> = vec![Vec::new(); views];
@@ -95,7 +97,9 @@ fn gains(sights: &[Sight], views: usize) -> (Vec<DVec3>, f64, f64) {
     let off = |gains: &[DVec3]| {
         let colors = colors(gains);
         let one = |sight: &Sight| (sight.log - gains[sight.view] - colors[sight.point]).abs().element_sum();
-        sights.iter().map(one).sum::<f64>() / sights.len().max(1) as f64
+        let mut all: Vec<f64> = sights.iter().map(one).collect();
+        all.sort_by(f64::total_cmp);
+        all.get(all.len() / 2).copied().unwrap_or(0.0)
     };
     let before = off(&gains);
     for _ in 0..ROUNDS {

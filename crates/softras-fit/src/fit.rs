@@ -179,6 +179,11 @@ impl Fitting {
         self.best().map_or(self.mesh(), |(best, _)| best).clone()
     }
 
+    /// The pictures as they were given, without those that were left out, with the cameras that were refined.
+    pub fn photographs(&self) -> &Views {
+        self.subject.photographs.as_ref().unwrap_or(&self.subject.views)
+    }
+
     /// The mesh of least loss; vertices that no fitted view sees have the colours of those beside them.
     fn colored(&self, renderer: &mut Renderer) -> Result<Mesh> {
         let (mesh, given) = (self.found(), &self.setup.given);

@@ -67,6 +67,8 @@ pub struct Plan<'py> {
     keep_topology: bool,
     keep_views: bool,
     keep_cameras: bool,
+    keep_exposure: bool,
+    crop: usize,
     hold_out: Option<usize>,
     edge: Option<(f64, f64)>,
 }
@@ -108,6 +110,8 @@ impl Plan<'_> {
             keep_topology: self.keep_topology,
             keep_views: self.keep_views,
             keep_cameras: self.keep_cameras,
+            keep_exposure: self.keep_exposure,
+            crop: self.crop,
             hold_out: self.hold_out,
             edge: self.edge,
             ..FitOptions::default()

@@ -299,7 +299,9 @@ fn depths_and_normals_are_fitted_too() {
     }
     // With depths the fit begins with the mug's hollow, which no outline shows.
     let iou = |out: &str| succeeds(folder.path(), &["iou", out, "mug.obj"]).trim().parse::<f64>().unwrap();
-    run("fit --views seen --iterations 20 -o outlines.obj");
+    run("fit --views seen --iterations 20 -o outlines.obj --save-cameras kept.json");
+    let kept = std::fs::read_to_string(folder.path().join("kept.json")).unwrap();
+    assert!(kept.lines().count() == 10 && kept.contains("view_007.png") && kept.contains("intrinsics"), "{kept}");
     assert!(iou("out.obj") > iou("outlines.obj") + 0.1, "{} {}", iou("out.obj"), iou("outlines.obj"));
     // The other formats: what render writes, and pictures of 16 bits.
     run("render mug.obj -o view_000.exr --output depth,normal --size 40");

@@ -127,6 +127,18 @@ impl Views {
         output::write_files(&maps::files(folder, self, &names))
     }
 
+    /// Writes a cameras.json for the pictures that the views were read from, undistorted.
+    ///
+    /// # Errors
+    /// [`Error::Io`]; [`Error::File`] for views that were not read from a folder of pictures; those of [`Views::size`].
+    pub fn save_cameras(&self, path: &Path) -> Result<()> {
+        let (height, width) = self.size()?;
+        if self.names.len() != self.cameras.len() {
+            return refuse(path, "the views have no file names", "write the cameras of a folder of pictures");
+        }
+        output::write_file(path, &camera_files::cameras(&self.names, &self.cameras, (width, height)))
+    }
+
     /// Some of the views.
     ///
     /// # Panics

@@ -119,6 +119,8 @@ class Views:
         keep_topology: bool = False,
         keep_views: bool = False,
         keep_cameras: bool = False,
+        keep_exposure: bool = False,
+        crop: int = 192,
         hold_out: Optional[int] = None,
         edge: Optional[Range] = None,
         progress: Optional[Callable[[int, float], None]] = None,
@@ -129,7 +131,9 @@ class Views:
         `color` fits a colour for each vertex, `texture` a texture of at most so many texels a side. The fit begins with `template`, or
         with `begin`: a "hull", a "sphere", or "auto", a hull from six views on. What is None is chosen by the method and by what it
         begins with. Views that do not agree with the others are left out, and holes that one mask alone shows filled, each with a note,
-        unless `keep_views`. Cameras that the silhouettes show to be off are refined, with a note, unless `keep_cameras`. `hold_out` views
+        unless `keep_views`. Cameras that the silhouettes show to be off are refined, with a note, unless `keep_cameras`. Exposures
+        that differ are leveled unless `keep_exposure`. Pictures are cropped to the object and have at most `crop` pixels a side, 0 keeps
+        them as they are; a texture is taken of the pictures as given. `hold_out` views
         are not fitted and judge the result; None is an eighth of twelve views or more, at most three. `progress(step, loss)` is called after every step; an exception of it, Ctrl-C too, ends the fit.
 
         Raises FitError, and what `Renderer.render` raises.

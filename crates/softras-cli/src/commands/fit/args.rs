@@ -383,6 +383,9 @@ pub struct FileArgs {
     /// Continue from the checkpoint, if the file exists
     #[arg(long, requires = "checkpoint")]
     pub resume: bool,
+    /// Write the cameras of --views as they were refined: .json
+    #[arg(long, value_name = "FILE", value_parser = parse::file_ending("json"), requires = "views", conflicts_with = "from")]
+    pub save_cameras: Option<PathBuf>,
     /// Write the views of --from and their cameras, for --views
     #[arg(long, value_name = "FOLDER", requires = "from")]
     pub write_views: Option<PathBuf>,

@@ -23,7 +23,7 @@ const CHECKPOINT_STEPS: usize = 100;
 pub fn run(args: &FitArgs) -> Result<(), Failure> {
     let (files, out) = (&args.files, &args.out);
     args.check()?;
-    let written = [&files.json, &files.plot, &files.gif, &files.checkpoint];
+    let written = [&files.json, &files.plot, &files.gif, &files.checkpoint, &files.save_cameras];
     let views = view_files(args)?;
     let outputs = Outputs::new(written.into_iter().flatten().chain(&views), [out])?;
     let mut renderer = super::open_device(args.device.as_deref(), args.read.memory)?;
@@ -51,6 +51,9 @@ pub fn run(args: &FitArgs) -> Result<(), Failure> {
             return Err(failure);
         }
     };
+    if let Some(path) = &files.save_cameras {
+        fitting.photographs().save_cameras(path)?;
+    }
     let fitted = fitting.finish(painted, &mut renderer)?;
     save(&fitted.mesh)?;
     if let (Some(path), Some(film)) = (&files.gif, film) {

@@ -10,7 +10,7 @@ mod list;
 mod transforms;
 mod write;
 
-pub use write::{files, names};
+pub use write::{cameras, files, names};
 
 use crate::{input, refuse};
 use glam::{DMat4, DVec3};

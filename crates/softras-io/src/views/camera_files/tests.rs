@@ -135,7 +135,9 @@ fn points_project_by_colmap() {
 #[test]
 fn what_is_written_is_read_again() {
     let eyes = [[0.0, 1.0, 3.0], [2.0, -1.0, 1.0]];
-    let made = eyes.map(|eye| Camera::look_at(eye.into(), DVec3::ZERO, DVec3::Y, perspective(0.6)).unwrap());
+    let mut made = eyes.map(|eye| Camera::look_at(eye.into(), DVec3::ZERO, DVec3::Y, perspective(0.6)).unwrap());
+    let off_center = Projection::Pinhole { fx: 50.0, fy: 52.0, cx: 31.0, cy: 18.0 };
+    made[1] = Camera::from_matrix(made[1].matrix(), off_center).unwrap();
     let image = |channels: usize, pixel: fn(usize) -> f32| {
         let (width, height) = (SIZE.0 as usize, SIZE.1 as usize);
         let data = (0..2 * width * height * channels).map(pixel).collect();

@@ -30,9 +30,18 @@ pub fn files(folder: &Path, cameras: &[Camera], silhouette: &Image, color: &Imag
         written.push((path, bytes));
         entries.push(entry(&name(view), camera, size));
     }
-    let lines: Vec<String> = entries.iter().map(|entry| format!("  {entry}")).collect();
-    written.push((folder.join("cameras.json"), format!("[\n{}\n]\n", lines.join(",\n")).into_bytes()));
+    written.push((folder.join("cameras.json"), listed(&entries)));
     Ok(written)
+}
+
+/// A cameras.json of pictures of a width and a height.
+pub fn cameras(names: &[String], cameras: &[Camera], size: (usize, usize)) -> Vec<u8> {
+    listed(&names.iter().zip(cameras).map(|(name, camera)| entry(name, camera, size)).collect::<Vec<Value>>())
+}
+
+fn listed(entries: &[Value]) -> Vec<u8> {
+    let lines: Vec<String> = entries.iter().map(|entry| format!("  {entry}")).collect();
+    format!("[\n{}\n]\n", lines.join(",\n")).into_bytes()
 }
 
 /// A picture of linear colours over black and of alpha.
@@ -53,10 +62,15 @@ fn entry(name: &str, camera: &Camera, (width, height): (usize, usize)) -> Value 
     // OpenCV's y points down.
     let pose = [x, y.map(|c| -c), z, [0.0, 0.0, 0.0, 1.0]];
     let mut entry = json!({ "file": name, "world_to_camera": pose });
-    if let Projection::Perspective { fov_y } = *camera.projection() {
-        let (w, h) = (width as f64, height as f64);
-        let focal = h / 2.0 / (fov_y / 2.0).tan();
-        entry["intrinsics"] = json!([[focal, 0.0, w / 2.0], [0.0, focal, h / 2.0], [0.0, 0.0, 1.0]]);
-    }
+    let (w, h) = (width as f64, height as f64);
+    let [fx, fy, cx, cy] = match *camera.projection() {
+        Projection::Perspective { fov_y } => {
+            let focal = h / 2.0 / (fov_y / 2.0).tan();
+            [focal, focal, w / 2.0, h / 2.0]
+        }
+        Projection::Pinhole { fx, fy, cx, cy } => [fx, fy, cx, cy],
+        _ => return entry,
+    };
+    entry["intrinsics"] = json!([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]);
     entry
 }
