@@ -51,6 +51,8 @@ pub struct ViewsOptions {
     pub allow_outside: bool,
     /// Bytes of the budget that a pixel takes, with all that is made of it later.
     pub bytes_per_pixel: u64,
+    /// The pixels of a picture that it is made of, at most; the others are read alone.
+    pub most_pixels: u64,
 }
 
 impl Default for ViewsOptions {
@@ -64,6 +66,7 @@ impl Default for ViewsOptions {
             normals: None,
             allow_outside: false,
             bytes_per_pixel: 112,
+            most_pixels: u64::MAX,
         }
     }
 }
@@ -189,9 +192,15 @@ impl Views {
     }
 }
 
+/// Bytes of a pixel that is read alone: colour and silhouette, and the depth of the mesh there.
+const READ_BYTES: u64 = 24;
+
 /// Claims the memory for so many pixels.
 fn claim_pixels(options: &ViewsOptions, budget: &Budget, path: &Path, pixels: u64) -> Result<()> {
-    budget.claim(path, &format!("a fit to {pixels} pixels"), pixels.saturating_mul(options.bytes_per_pixel))
+    let fitted = pixels.min(options.most_pixels);
+    let bytes =
+        fitted.saturating_mul(options.bytes_per_pixel).saturating_add((pixels - fitted).saturating_mul(READ_BYTES));
+    budget.claim(path, &format!("a fit to {pixels} pixels"), bytes)
 }
 
 /// Images and cameras as numpy arrays.

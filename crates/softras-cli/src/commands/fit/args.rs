@@ -177,6 +177,7 @@ impl FitArgs {
     /// the rendered samples under it, their gradients and what the device keeps of them.
     pub fn views_options(&self) -> ViewsOptions {
         let samples = u64::from(self.method.samples.unwrap_or(1));
+        let is_cropped = self.targets.crop > 0 && self.targets.depths.is_none() && self.targets.normals.is_none();
         ViewsOptions {
             cameras: self.cameras.clone(),
             fov: self.targets.fov,
@@ -186,6 +187,7 @@ impl FitArgs {
             normals: self.targets.normals.clone(),
             allow_outside: self.read.allow_outside,
             bytes_per_pixel: 48 + 64 * samples * samples,
+            most_pixels: if is_cropped { 2 * u64::from(self.targets.crop).pow(2) } else { u64::MAX },
         }
     }
 
