@@ -17,14 +17,15 @@ struct Square {
     side: f64,
 }
 
-/// Crops each picture to its mask where that leaves at most half of the pixels; crops have at most `most` pixels a side. The
+/// Crops each picture of more than `most` pixels a side to its mask where that leaves at most half of the pixels; crops have at most `most` pixels a side. The
 /// photographs stay in [`Subject::photographs`].
 pub fn cropped(subject: &mut Subject, most: usize, notes: &mut Vec<String>) -> Result<()> {
     let views = &subject.views;
     let is_pinhole =
         |camera: &Camera| matches!(camera.projection(), Projection::Perspective { .. } | Projection::Pinhole { .. });
     let Some(masks) = &views.silhouette else { return Ok(()) };
-    if most == 0 || views.depth.is_some() || views.normal.is_some() || !views.cameras.iter().all(is_pinhole) {
+    let is_small = most == 0 || masks.height.min(masks.width) <= most;
+    if is_small || views.depth.is_some() || views.normal.is_some() || !views.cameras.iter().all(is_pinhole) {
         return Ok(());
     }
     let squares: Option<Vec<Square>> = (0..masks.batch).map(|view| square(masks, view)).collect();
