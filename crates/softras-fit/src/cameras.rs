@@ -48,6 +48,12 @@ pub fn around(bounds: Sphere, count: usize, fov: f64) -> Result<Vec<Camera>> {
     (0..count).map(one).collect()
 }
 
+/// The camera for images of another size. Only that of [`Projection::Pinhole`] is in pixels.
+pub fn scaled(camera: &Camera, [x, y]: [f64; 2]) -> Result<Camera> {
+    let Projection::Pinhole { fx, fy, cx, cy } = *camera.projection() else { return Ok(*camera) };
+    Camera::from_matrix(camera.matrix(), Projection::Pinhole { fx: x * fx, fy: y * fy, cx: x * cx, cy: y * cy })
+}
+
 /// The point nearest to the rays through the middles of all pictures.
 fn middle(cameras: &[Camera], (height, width): (usize, usize)) -> DVec3 {
     let (mut matrix, mut vector) = (DMat3::ZERO, DVec3::ZERO);

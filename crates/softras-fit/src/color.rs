@@ -1,6 +1,6 @@
 //! A mesh's colours beside those of the views: their error, and the one colour that comes nearest.
 
-use crate::{pooled, sized, subject::Subject};
+use crate::{finer, pooled, sized, subject::Subject};
 use softras::{
     Mesh, Renderer, Result, Scene, Settings, parts,
     scene::{Appearance, Background, Outputs},
@@ -28,7 +28,8 @@ pub fn color_error(
     };
     let scene = Scene::new(mesh.clone()).with_lights(subject.lights.clone());
     let (mut sum, mut count) = (0.0, 0usize);
-    parts::in_batches(renderer, &scene, &views.cameras, &settings, |range, frame| {
+    let cameras = finer(&views.cameras, SAMPLES)?;
+    parts::in_batches(renderer, &scene, &cameras, &settings, |range, frame| {
         let shown = pooled(frame.color()?, SAMPLES)?;
         let (color, silhouette) = (color.views(range.clone()), silhouette.views(range));
         let pixels = shown.data.chunks_exact(3).zip(color.data.chunks_exact(3)).zip(&silhouette.data);

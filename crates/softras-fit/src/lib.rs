@@ -100,7 +100,7 @@ pub use unseen::Unseen;
 pub use voxel::{MAX_RESOLUTION, Voxels, cube_around, enclosed, is_closed, overlap, voxel_iou};
 
 use glam::DVec3;
-use softras::{Error, Mesh, Result, Settings};
+use softras::{Camera, Error, Mesh, Result, Settings};
 
 /// A number for an error message, in few digits however large or small it is.
 fn shown(x: f64) -> String {
@@ -131,4 +131,9 @@ fn singles(values: &[DVec3]) -> Vec<[f32; 3]> {
 fn sized(settings: &Settings, (height, width): (usize, usize), samples: usize) -> Settings {
     let side = |side: usize| u32::try_from(side.saturating_mul(samples)).unwrap_or(u32::MAX);
     Settings { width: side(width), height: side(height), ..settings.clone() }
+}
+
+/// The cameras for images with `samples` along each side of a pixel, as [`sized`] makes them.
+fn finer(cameras: &[Camera], samples: usize) -> Result<Vec<Camera>> {
+    cameras.iter().map(|camera| cameras::scaled(camera, [samples as f64; 2])).collect()
 }

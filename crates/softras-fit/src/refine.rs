@@ -5,8 +5,14 @@
 //! views, so that their mean rotation, translation and distance are kept.
 
 use crate::{
-    ImageLoss, Method, Optimizer, Schedule, ShapeFit, ShapeOptions, begin::samples, cameras::Sphere, evened,
-    hull::wide_hull, pooled, subject::Subject, unseen::hard,
+    ImageLoss, Method, Optimizer, Schedule, ShapeFit, ShapeOptions,
+    begin::samples,
+    cameras::{Sphere, scaled},
+    evened,
+    hull::wide_hull,
+    pooled,
+    subject::Subject,
+    unseen::hard,
 };
 use glam::{DMat3, DMat4, DVec3};
 use softras::{
@@ -136,14 +142,8 @@ fn shrunk(views: &Views, times: usize) -> Result<Views> {
         return Ok(views.clone());
     }
     let small = |image: &Option<softras::Image>| image.as_ref().map(|image| pooled(image, times)).transpose();
-    let scaled = |camera: &Camera| match *camera.projection() {
-        Projection::Pinhole { fx, fy, cx, cy } => {
-            let [fx, fy, cx, cy] = [fx, fy, cx, cy].map(|x| x / times as f64);
-            Camera::from_matrix(camera.matrix(), Projection::Pinhole { fx, fy, cx, cy })
-        }
-        _ => Ok(*camera),
-    };
-    let cameras = views.cameras.iter().map(scaled).collect::<Result<Vec<_>>>()?;
+    let small_camera = |camera: &Camera| scaled(camera, [1.0 / times as f64; 2]);
+    let cameras = views.cameras.iter().map(small_camera).collect::<Result<Vec<_>>>()?;
     Ok(Views { cameras, silhouette: small(&views.silhouette)?, color: small(&views.color)?, ..Views::default() })
 }
 

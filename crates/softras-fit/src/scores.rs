@@ -1,7 +1,7 @@
 //! How good a mesh is that was fitted.
 
 use crate::{
-    ImageLoss, Regularizer, Topology, Unseen, color::color_error, mask_iou, points, pooled, setup::Setup, sized,
+    ImageLoss, Regularizer, Topology, Unseen, color::color_error, finer, mask_iou, points, pooled, setup::Setup, sized,
     subject::Subject, unseen::hard, voxel_iou,
 };
 use glam::DVec3;
@@ -145,7 +145,7 @@ fn covered(scene: &Scene, targets: &Views, settings: &Settings, renderer: &mut R
         })?;
         Ok(mean(&mask_iou(&image, &target)?))
     };
-    targets.cameras.iter().enumerate().map(one).collect()
+    finer(&targets.cameras, SAMPLES)?.iter().enumerate().map(one).collect()
 }
 
 /// The largest soft IoU Σ P T / Σ (P + T - P T) that any P in [0, 1] has with a target T. Numerator and denominator are

@@ -1,6 +1,6 @@
 //! A fit of the texels of a mesh with one texture, whose shape stays.
 
-use crate::{ImageLoss, Method, Optimizer, pooled, pooled_gradient, setup::Setup, shape::colors, sized};
+use crate::{ImageLoss, Method, Optimizer, finer, pooled, pooled_gradient, setup::Setup, shape::colors, sized};
 use softras::{
     Error, GradientRequest, Image, ImageGradient, Lights, Mesh, Renderer, Result, Scene, Settings, parts,
     scene::Outputs,
@@ -83,7 +83,8 @@ impl<'a> Texels<'a> {
         if share == 0.0 {
             return Ok((0.0, Vec::new()));
         }
-        let frame = renderer.render_saved(&self.scene, &self.targets.cameras[views], &self.settings)?;
+        let cameras = finer(&self.targets.cameras[views], SAMPLES)?;
+        let frame = renderer.render_saved(&self.scene, &cameras, &self.settings)?;
         let shown = frame.color()?;
         let loss = ImageLoss::L1.evaluate(&pooled(shown, SAMPLES)?, &color, Some(&weights))?;
         let upstream = pooled_gradient(shown, &loss.gradient, SAMPLES, share)?;
@@ -99,7 +100,8 @@ fn weights(scene: &Scene, targets: &Views, settings: &Settings, renderer: &mut R
     let settings = Settings { outputs, ..settings.clone() };
     let (height, width) = targets.size()?;
     let mut weights = Image { batch: targets.cameras.len(), height, width, channels: 1, data: Vec::new() };
-    parts::in_batches(renderer, scene, &targets.cameras, &settings, |views, frame| {
+    let cameras = finer(&targets.cameras, SAMPLES)?;
+    parts::in_batches(renderer, scene, &cameras, &settings, |views, frame| {
         let covered = pooled(frame.silhouette()?, SAMPLES)?.data.into_iter().map(|x| x >= COVERED);
         let given = targets.silhouette.as_ref().map(|silhouette| silhouette.views(views));
         let inside = |i: usize| given.as_ref().is_none_or(|given| given.data[i] >= COVERED);

@@ -122,9 +122,3 @@ impl Place {
         across.extend(to - depth)
     }
 }
-
-/// The camera for images of another size. Only that of [`Projection::Pinhole`] is in pixels.
-pub fn scaled(camera: &Camera, [x, y]: [f64; 2]) -> Result<Camera> {
-    let Projection::Pinhole { fx, fy, cx, cy } = *camera.projection() else { return Ok(*camera) };
-    Camera::from_matrix(camera.matrix(), Projection::Pinhole { fx: x * fx, fy: y * fy, cx: x * cx, cy: y * cy })
-}

@@ -1,8 +1,9 @@
 //! The search for all poses that explain a picture: first a grid over all rotations in small images, then fits from the most
 //! likely ones in larger images.
 
-use super::picture::{Picture, Place, scaled};
+use super::picture::{Picture, Place};
 use super::{Pose, PoseFit, PoseOptions, PoseTarget, of_each, rotations};
+use crate::cameras::scaled;
 use crate::{Schedule, bad, cameras::reach, points, voxel::is_closed};
 use glam::{DMat3, DVec3};
 use softras::{

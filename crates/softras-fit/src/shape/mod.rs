@@ -15,7 +15,7 @@ use super::optimizer::{Method, Optimizer};
 use super::remesh::remeshed;
 use super::subdivision::Subdivision;
 use super::topology::Topology;
-use crate::{bad, doubles, points, singles, sized};
+use crate::{bad, doubles, finer, points, singles, sized};
 use compare::{ImageLosses, compare};
 use glam::DVec3;
 use parametrization::Parameters;
@@ -209,7 +209,8 @@ impl ShapeFit {
 
     /// Renders some views, and compares and differentiates them.
     fn descent(&self, renderer: &mut Renderer, settings: &Settings, targets: &Views) -> Result<Descent> {
-        let frame = renderer.render(&self.scene, &targets.cameras, settings)?;
+        let cameras = finer(&targets.cameras, self.options.samples)?;
+        let frame = renderer.render(&self.scene, &cameras, settings)?;
         let (losses, upstream) = compare(&frame, targets, &self.options)?;
         let gradients = renderer.backward(&frame, &upstream, &self.wanted())?;
         let (by_positions, by_colors) = self.gradients(&gradients.meshes[0]);
