@@ -93,7 +93,8 @@ pub const PROPERTIES: &[(&str, Fate)] = &[
     ("extensions.EXT_texture_webp", Drawn),
     ("extensions.CESIUM_RTC", Silent),
     ("extensions.KHR_draco_mesh_compression", Drawn),
-    ("extensions.EXT_meshopt_compression", NotDrawn(UNPACK)),
+    ("extensions.EXT_meshopt_compression", Drawn),
+    ("extensions.KHR_meshopt_compression", NotDrawn(UNPACK)),
     ("extensions.KHR_texture_basisu", Drawn),
     ("extensions.KHR_lights_punctual", NotDrawn("the lights of the file are not used: give --light")),
     ("extensions.KHR_materials_anisotropy", REFLECTION),
@@ -122,9 +123,10 @@ pub const PROPERTIES: &[(&str, Fate)] = &[
 
 /// Whether a file that requires an extension can be drawn, if only nearly.
 pub(super) fn is_readable(extension: &str) -> bool {
-    let is_draco = extension == "KHR_draco_mesh_compression" && cfg!(not(feature = "packed"));
+    let is_packed = matches!(extension, "KHR_draco_mesh_compression" | "EXT_meshopt_compression");
+    let is_unread = extension == "KHR_meshopt_compression" || is_packed && cfg!(not(feature = "packed"));
     let known = |(path, _): &(&str, Fate)| path.strip_prefix("extensions.") == Some(extension);
-    PROPERTIES.iter().any(known) && !is_draco && !extension.ends_with("_meshopt_compression")
+    PROPERTIES.iter().any(known) && !is_unread
 }
 
 /// Notes everything in a file that changes the picture and is not drawn, whatever its value. Values decide on the rest, which the
