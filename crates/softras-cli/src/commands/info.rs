@@ -66,13 +66,12 @@ pub fn run(args: &InfoArgs) -> Result<(), Failure> {
     }
     let closed = if closed { "closed" } else { "not closed" };
     say(&format!("{} vertices, {} triangles, {parts} parts, {closed}", count[0], count[1]))?;
-    say(&format!("bounds   {low:?} to {high:?}"))?;
-    say(&format!("colours  {colors}"))?;
+    say(&format!("bounds   {low:?} to {high:?}\ncolours  {colors}"))?;
     for texture in textures {
         let alpha = if texture.alpha().is_some() { " with alpha" } else { "" };
         say(&format!("texture  {}×{}{alpha}", texture.width(), texture.height()))?;
     }
-    let told = [(normals, "normals of the file's own".into()), (loaded.unlit, "unlit materials".into())];
-    let told = told.into_iter().chain([(transparent > 0, format!("{transparent} transparent triangles"))]);
-    told.filter(|(holds, _)| *holds).try_for_each(|(_, text)| say(&text))
+    let clear = format!("{transparent} transparent triangles");
+    let told = [(normals, "normals of the file's own"), (loaded.unlit, "unlit materials"), (transparent > 0, &clear)];
+    told.iter().filter(|(holds, _)| *holds).try_for_each(|(_, text)| say(text))
 }

@@ -82,8 +82,12 @@ fn undo_filter(values: &mut [u8], name: &str, stride: usize) -> Result<(), Strin
         ("OCTAHEDRAL" | "QUATERNION", 8) => {
             for bytes in values.as_chunks_mut::<8>().0 {
                 let four = [0, 2, 4, 6].map(|at| u16::from_le_bytes([bytes[at], bytes[at + 1]]));
-                let four = if name == "QUATERNION" { quaternion(four.map(|x| x as i16)) } else { octahedral(four) };
-                bytes.copy_from_slice(four.map(u16::to_le_bytes).as_flattened());
+                let mut four = [four];
+                match name {
+                    "QUATERNION" => four[0] = quaternion(four[0].map(|x| x as i16)),
+                    _ => filter::decode_filter_oct_16(&mut four),
+                }
+                bytes.copy_from_slice(four[0].map(u16::to_le_bytes).as_flattened());
             }
         }
         ("EXPONENTIAL", _) => {
@@ -95,12 +99,6 @@ fn undo_filter(values: &mut [u8], name: &str, stride: usize) -> Result<(), Strin
         _ => return Err(format!("unknown filter {name:.20?} of elements of {stride} bytes")),
     }
     Ok(())
-}
-
-fn octahedral(four: [u16; 4]) -> [u16; 4] {
-    let mut one = [four];
-    filter::decode_filter_oct_16(&mut one);
-    one[0]
 }
 
 /// Three components by their scale, whose last two bits say where the fourth, the greatest, stands. The crate loses their signs.
