@@ -83,7 +83,7 @@ pub fn load(path: impl AsRef<Path>) -> Result<Mesh> {
 ///   Vertices at one position become one; v runs up, as in OBJ files.
 ///
 /// What can be left out without harm to the rest is left out with a note: faces of fewer than three corners, malformed
-/// materials, textures that are not an image, over 16384 pixels a side, over 2²⁷ pixels in all, or over 2²⁴ and 16 for each
+/// materials, textures that are not an image, over 16384 pixels a side, over 2²⁷ pixels in all, or over 2²⁵ and 16 for each
 /// byte of their files. A material file or texture that is missing or lies outside the mesh's folder is looked for by its name
 /// in the folder.
 ///
