@@ -29,9 +29,6 @@ pub fn z_is_up(mesh: &Mesh) -> bool {
     let points: Vec<DVec3> = mesh.triangles().iter().flatten().map(|&i| point(mesh, i)).collect();
     let (low, high) = points.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), p| (l.min(*p), h.max(*p)));
     let size = high - low;
-    if points.is_empty() {
-        return false;
-    }
     let [below, above] = [1.0, -1.0].map(|sign| base(&points, 2, sign, mesh));
     // A picture on one flat face has no thickness and hangs.
     let is_thin = size.z > 0.0 && size.z < PLATE * size.x.min(size.y);
@@ -125,17 +122,14 @@ mod tests {
     }
 
     #[test]
-    fn y_is_up_where_nothing_speaks_for_anz_is_up() {
+    fn y_is_up_where_nothing_speaks_for_another_axis() {
         let shapes = [shapes::cube(), shapes::icosphere(3), shapes::torus(0.7, 0.3, 64, 32), shapes::fish()];
         for mesh in shapes {
             assert!(!z_is_up(&mesh.unwrap()));
         }
         // A plate lies flat, but for one without thickness.
         let plate = |size: [f32; 3]| z_is_up(&mapped(&shapes::cube().unwrap(), |p| [0, 1, 2].map(|k| p[k] * size[k])));
-        assert_eq!(
-            [[3.0, 2.0, 0.1], [3.0, 0.1, 2.0], [0.1, 3.0, 2.0], [3.0, 2.0, 0.0]].map(plate),
-            [true, false, false, false]
-        );
+        assert!(plate([3.0, 2.0, 0.1]) && ![[3.0, 0.1, 2.0], [0.1, 3.0, 2.0], [3.0, 2.0, 0.0]].into_iter().any(plate));
         let flat = Mesh::new(vec![[0.0, 0.0, 0.0], [2.0, 0.5, 0.0], [1.0, 2.0, 0.0]], vec![[0, 1, 2]]).unwrap();
         assert!(!z_is_up(&flat));
         assert!(!z_is_up(&Mesh::new(Vec::new(), Vec::new()).unwrap()));

@@ -9,8 +9,6 @@ use crate::{
 use serde_json::Value;
 use std::collections::{BTreeMap, HashMap};
 
-const REFLECTION: Fate = NotDrawn("reflections are not drawn: softras draws base colours under diffuse light");
-
 /// The properties by their paths: names joined by dots, lists without their numbers. What lies below one that is not `Drawn` has
 /// the same fate. Extensions stand below `extensions` wherever they are used.
 pub const PROPERTIES: &Fates = &[
@@ -65,7 +63,7 @@ pub const PROPERTIES: &Fates = &[
     (
         "extensions.KHR_materials_anisotropy extensions.KHR_materials_clearcoat \
          extensions.KHR_materials_iridescence extensions.KHR_materials_sheen extensions.KHR_materials_specular",
-        REFLECTION,
+        NotDrawn("reflections are not drawn: softras draws base colours under diffuse light"),
     ),
     (
         "extensions.KHR_materials_transmission extensions.KHR_materials_volume",

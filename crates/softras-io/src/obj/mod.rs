@@ -11,12 +11,10 @@ mod texture;
 mod triangles;
 mod write;
 
-#[cfg(test)]
-pub use material::STATEMENTS as MATERIAL_STATEMENTS;
-#[cfg(test)]
-pub use parse::STATEMENTS;
 pub use parse::{FAR_UVS, FARTHEST_UV};
 pub use write::{files_of, png};
+#[cfg(test)]
+pub use {material::STATEMENTS as MATERIAL_STATEMENTS, parse::STATEMENTS};
 
 use crate::source::Source;
 use softras::{Mesh, Result};

@@ -83,6 +83,8 @@ struct Ply {
     short_faces: usize,
     far_uvs: usize,
     not_simple: usize,
+    /// Whether the colours of vertices, and of faces, are floats.
+    in_floats: [bool; 2],
     /// Vertices and faces that are not opaque.
     clear: usize,
 }
@@ -216,6 +218,7 @@ impl Ply {
         }
         let (colored, mapped, curved) = (table.has(3..6), table.has(6..8), table.has(8..11));
         let shade = shade(table.kind(3), srgb);
+        self.in_floats[0] = most(table.kind(3)).is_none();
         let (has_alpha, opaque) = (table.has(11..12), most(table.kind(11)).unwrap_or(1.0).into());
         Ok(move |row: &Row| {
             let [x, y, z, r, g, b, u, v, nx, ny, nz, alpha] = row.values;
@@ -242,6 +245,7 @@ impl Ply {
         }
         let (colored, numbered, mapped) = (table.has(0..3), table.has(3..4), table.has(LISTS + 1..LISTS + 2));
         let shade = shade(table.kind(0), srgb);
+        self.in_floats[1] = most(table.kind(0)).is_none();
         let (has_alpha, opaque) = (table.has(4..5), most(table.kind(4)).unwrap_or(1.0).into());
         let mut number = 0;
         // A row may come before the vertices that it names, and is drawn when all are read.
@@ -310,16 +314,19 @@ impl Ply {
         Ok(())
     }
 
-    /// Floats from 0 to 255 are colours in bytes.
+    /// Floats are as bright as the same shares in a picture; up to 255 they are bytes.
     fn settle_colors(&mut self, source: &mut Source) {
-        for colors in [&mut self.colors, &mut self.face_colors] {
+        for (colors, _) in
+            [&mut self.colors, &mut self.face_colors].into_iter().zip(self.in_floats).filter(|(_, is)| *is)
+        {
             let bright = colors.iter().filter(|color| color.iter().any(|x| *x > 1.0)).count();
-            if bright * 2 > colors.len() && colors.as_flattened().iter().all(|x| (0.0..=255.0).contains(x)) {
+            let is_bytes = bright * 2 > colors.len() && colors.as_flattened().iter().all(|x| (0.0..=255.0).contains(x));
+            if is_bytes {
                 source.notes.add(None, "colours up to 255 are divided by 255");
-                let srgb = source.options.srgb;
-                let one = |x: f32| if srgb { linear_from_srgb(x / 255.0) } else { x / 255.0 };
-                colors.iter_mut().for_each(|color| *color = color.map(one));
             }
+            let share = |x: f32| if is_bytes { x / 255.0 } else { x };
+            let one = |x: f32| if source.options.srgb { linear_from_srgb(share(x)) } else { share(x) };
+            colors.iter_mut().for_each(|color| *color = color.map(one));
         }
     }
 

@@ -159,11 +159,17 @@ fn statements_of_obj_are_read_as_others_read_them() {
 fn vertex_colours_of_obj_are_as_bright_as_those_of_ply() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.obj");
-    fs::write(&path, "v 0 0 0 .5 .5 .5\nv 1 0 0 .5 .5 .5\nv 0 1 0 .5 .5 .5\nf 1 2 3\n").unwrap();
-    let mesh = softras_io::load(&path).unwrap();
-    let Appearance::VertexColors(found) = mesh.appearance() else { panic!() };
-    assert!((found[0][0] - 0.214_041).abs() < 1e-5, "{found:?}");
-    softras_io::save(&mesh, &path).unwrap();
+    let list = "property list uchar int vertex_indices";
+    let head = ["x", "y", "z", "red", "green", "blue"].map(|name| format!("property float {name}\n")).concat();
+    let head = format!("ply\nformat ascii 1.0\nelement vertex 3\n{head}element face 1\n{list}\nend_header\n");
+    let body = ["0 0 0 .5 .5 .5\n", "1 0 0 .5 .5 .5\n", "0 1 0 .5 .5 .5\n"];
+    let loaded =
+        [head + &body.concat() + "3 0 1 2\n", body.map(|row| format!("v {row}")).concat() + "f 1 2 3\n"].map(|text| {
+            fs::write(&path, text).unwrap();
+            softras_io::load_with(&path, &softras_io::LoadOptions::default()).unwrap()
+        });
+    assert!(loaded.iter().all(|found| (colors(found)[0][0] - 0.214_041).abs() < 1e-5), "{loaded:?}");
+    softras_io::save(&loaded[1].mesh, &path).unwrap();
     assert!(fs::read_to_string(&path).unwrap().contains(" 0.5 0.5 0.5"));
 }
 
