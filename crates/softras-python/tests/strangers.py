@@ -135,7 +135,8 @@ def gltf_files(folder):
             attributes["TEXCOORD_0"] = file.accessor(stored(UVS[order], of, True), of, of != 5126, **{**layout, "padded": 4})
             offset, scale = pick(([0, 0], [1, 1]), ([0.25, 0.5], [2, -0.5]))
             texture = {"index": 0, "extensions": {"KHR_texture_transform": {"offset": offset, "scale": scale}}}
-            picture = "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAIAAACQd1PeAAAADElEQVR42mNgYGAAAAAEAAHI6uv5AAAAAElFTkSuQmCC"
+            # One pixel of COLORS[6].
+            picture = "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAIAAACQd1PeAAAADElEQVR42mM4w5AGAALOATNweIrgAAAAAElFTkSuQmCC"
             file.root.update(images=[{"uri": "data:image/png;base64," + picture}], textures=[{"source": 0}])
             file.root["materials"] = [{"pbrMetallicRoughness": {"baseColorTexture": texture}}]
             primitive["material"] = 0

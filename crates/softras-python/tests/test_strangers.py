@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import softras
-from strangers import FILES
+from strangers import COLORS, FILES
 
 # What trimesh 4 reads otherwise than the specification says, or not at all: positions that are shares, fans, sparse accessors and what
 # moves vertices in glTF; polygons beside triangles, and elements between vertices and faces, in PLY; old line ends and names with words
@@ -72,10 +72,10 @@ def test_what_a_file_means_is_read_and_drawn(tmp_path, kind):
         cameras = [softras.Camera.look_at(3 * turn[2], [0, 0, 0], turn[1], half_height=1.0)] * len(found)
         frame = softras.render(found, cameras, settings, softras.Lights())
         for (place, corners, colors, uvs), silhouette, color in zip(places, frame.silhouette, frame.color):
-            wanted, inside = drawn(corners @ turn.T, np.ones((len(corners), 3, 3)) if colors is None else colors)
+            plain = np.ones(3) if uvs is None else COLORS[6]
+            wanted, inside = drawn(corners @ turn.T, np.tile(plain, (len(corners), 3, 1)) if colors is None else colors)
             assert (inside != (silhouette > 0.5)).mean() < 0.003, place
-            if uvs is None:
-                assert np.abs(wanted - color).mean() < 0.01, place
+            assert np.abs(wanted - color).mean() < 0.01, place
 
 
 @pytest.mark.parametrize("kind", FILES)
