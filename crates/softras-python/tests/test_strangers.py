@@ -1,8 +1,8 @@
 """Files as their specifications allow them, written by strangers.py, against what was meant and against trimesh, an independent reader.
 
 Each file holds one small shape without symmetry. `softras.load` must find its triangles, colours and UVs as they were meant, and
-`softras.render` must draw them as a z-buffer of numpy does from three sides. trimesh, where it is installed (`test.sh --with trimesh`),
-must find the same triangles, but for the kinds of files that `TRIMESH_CANNOT` names.
+`softras.render` must draw them as a z-buffer of numpy does from three sides. trimesh, where it is installed (`test.sh --with trimesh
+--with scipy`), must find the same triangles, but for the kinds of files that `TRIMESH_CANNOT` names.
 """
 
 import numpy as np
@@ -81,6 +81,7 @@ def test_what_a_file_means_is_read_and_drawn(tmp_path, kind):
 @pytest.mark.parametrize("kind", FILES)
 def test_trimesh_reads_the_same(tmp_path, kind):
     trimesh = pytest.importorskip("trimesh")
+    pytest.importorskip("scipy")
     count = 0
     for path, meant, tags in FILES[kind](tmp_path):
         if tags & TRIMESH_CANNOT:
