@@ -5,6 +5,7 @@
 # Usage: test.sh [--profile PROFILE] [--with PACKAGE]...
 #   --with torch adds torch, of which the tests of softras.torch and softras.soft_renderer need some 5 GB from PyPI;
 #   --with jax adds JAX, some 100 MB, for those of softras.jax;
+#   --with trimesh --with scipy is for the second reader of test_strangers.py;
 #   --with matplotlib is for the notebook (with torch), and --with 'ray[data]', some 600 MB, for folder.py --ray.
 # Exit code 3: Python, its module venv or the packages cannot be had here.
 set -euo pipefail

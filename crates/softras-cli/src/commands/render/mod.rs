@@ -11,7 +11,7 @@ use args::{Fit, RenderArgs};
 use report::Report;
 use softras::{Mesh, Renderer, Settings};
 use softras_io::{Budget, Loaded, PictureFormat};
-use softras_view::{Alpha, CameraOptions, Developed, Image, Output, Studio, other_axis, shrunk};
+use softras_view::{Alpha, CameraOptions, Developed, Image, Output, Studio, shrunk, z_is_up};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -79,12 +79,9 @@ fn upright(args: &RenderArgs, mesh: &Mesh, notes: &mut Vec<String>) -> CameraOpt
     if is_given || ending == "gltf" || ending == "glb" {
         return camera;
     }
-    if let Some(axis) = other_axis(mesh) {
-        let mut up = [0.0; 3];
-        up[axis] = 1.0;
-        camera.up = Some(up);
-        let name = ["x", "y", "z"][axis];
-        notes.push(format!("the mesh stands on its lowest {name}, so {name} is taken to be up; --up 0,1,0 for y"));
+    if z_is_up(mesh) {
+        camera.up = Some([0.0, 0.0, 1.0]);
+        notes.push("the mesh stands or lies on its lowest z, so z is taken to be up; --up 0,1,0 for y".into());
         notes.last().into_iter().for_each(|text| note(text));
     }
     camera
