@@ -25,11 +25,16 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
     let mut notes = std::mem::take(&mut loaded.notes);
     let camera = upright(args, &loaded.mesh, &mut notes).relative_to(loaded.origin);
     let mut stage = Stage::new(args, camera, loaded, &targets, &mut notes)?;
-    let misses = stage.studio.viewpoint(0.0).misses(stage.studio.bounds());
-    if misses {
-        notes.push("the mesh lies wholly outside the depths that this camera draws".into());
-        notes.last().into_iter().for_each(|text| note(text));
-    }
+    let view = stage.studio.viewpoint(0.0);
+    let (misses, cut) = (view.misses(stage.studio.bounds()), view.cut(stage.studio.mesh()));
+    let outside = if misses {
+        Some("the mesh lies wholly outside the depths that this camera draws".to_string())
+    } else {
+        let text = || format!("{cut} triangles lie before near ({:.3}) and are cut there: lower --near", view.near);
+        (cut > 0).then(text)
+    };
+    outside.iter().for_each(|text| note(text));
+    notes.extend(outside);
     let mut report = Report::new(&stage, notes);
     if args.turntable.is_some() || args.sweep.is_some() {
         animation::run(&mut stage, &targets, &mut report)?;
