@@ -79,6 +79,8 @@ class Scene:
     lights: Lights
     mode: str
     renderer: Optional[Renderer]
+    #: What the last render kept for gradients.
+    frame: Any = None
 
     def meshes(self, arrays: Sequence[np.ndarray]) -> List[Mesh]:
         """The meshes with the arrays' values."""

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import os
 import threading
-from typing import Any, NamedTuple, Sequence, Union
+from typing import Any, Dict, List, NamedTuple, Sequence, Union
 
 import numpy as np
 
+from . import _softras
 from ._softras import Camera, Frame, Gradients, Mesh, Renderer
 from .settings import Lights, Settings
 
@@ -79,3 +80,31 @@ def fragments(
     gradient; `softras.torch.interpolate` interpolates any values of the vertices with one. Raises what `Renderer.render` raises.
     """
     return Fragments(*(renderer or default_renderer()).fragments(meshes, cameras, settings))
+
+
+class Check(NamedTuple):
+    """A device beside the reference in one small scene."""
+
+    name: str
+    #: The largest error of color, silhouette, depth and normal; those that the scene has.
+    images: Dict[str, float]
+    #: The relative error of the gradients by vertices, colours and so on.
+    gradients: Dict[str, float]
+    #: Whether a second run gave the same bits.
+    repeats: bool
+    #: Whether the bits repeat and all errors are small enough.
+    passes: bool
+
+
+_IMAGES = ("color", "silhouette", "depth", "normal")
+_GRADIENTS = ("positions", "colors", "texels", "uvs", "cameras", "lights", "background", "scalars")
+
+
+def check(renderer: Renderer | None = None) -> List[Check]:
+    """Compares the device with the reference on small scenes that cover the model, as `softras check` does."""
+
+    def named(names, errors) -> Dict[str, float]:
+        return {name: error for name, error in zip(names, errors) if error is not None}
+
+    found = _softras.check(renderer or default_renderer())
+    return [Check(name, named(_IMAGES, images), named(_GRADIENTS, by), *rest) for name, images, by, *rest in found]

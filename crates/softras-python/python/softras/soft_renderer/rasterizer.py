@@ -11,6 +11,8 @@ from . import functional as srf
 class SoftRasterizer(nn.Module):
     """A mesh on the screen to images [batch, 4, size, size]; see `functional.soft_rasterize`.
 
+    `image_height` and `image_width` stand in for `image_size`.
+
     With `returns_info` it returns (images, p2f_info, aggrs_info), as the fork of UMR; see `functional.rasterize_info`.
     """
 
@@ -34,6 +36,8 @@ class SoftRasterizer(nn.Module):
         aggr_func_alpha="prod",
         texture_type="surface",
         exact_gradients=False,
+        image_height=None,
+        image_width=None,
     ):
         super().__init__()
         choices = [
@@ -46,17 +50,21 @@ class SoftRasterizer(nn.Module):
             if value not in among:
                 raise ValueError(f"{name} is {value!r}: use {', '.join(among)}")
         self.image_size, self.background_color = image_size, background_color
+        self.image_height, self.image_width = image_height, image_width
         self.near, self.far = near, far
         self.anti_aliasing, self.fill_back, self.eps = anti_aliasing, fill_back, eps
         self.sigma_val, self.dist_func, self.dist_eps = sigma_val, dist_func, dist_eps
         self.gamma_val, self.aggr_func_rgb, self.aggr_func_alpha = gamma_val, aggr_func_rgb, aggr_func_alpha
         self.texture_type, self.exact_gradients = texture_type, exact_gradients
 
+    def _sides(self):
+        return self.image_height or self.image_size, self.image_width or self.image_size
+
     def forward(self, mesh, mode=None):
         images = srf.soft_rasterize(
             mesh.face_vertices,
             mesh.face_textures,
-            self.image_size * (2 if self.anti_aliasing else 1),
+            tuple(side * (2 if self.anti_aliasing else 1) for side in self._sides()),
             self.background_color,
             self.near,
             self.far,
@@ -78,7 +86,7 @@ class SoftRasterizer(nn.Module):
         weights = {"eps": self.eps, "sigma_val": self.sigma_val, "dist_func": self.dist_func, "dist_eps": self.dist_eps}
         weights["gamma_val"] = self.gamma_val
         given = weights if self.aggr_func_rgb == "softmax" else None
-        return srf.rasterize_info(mesh.face_vertices, self.image_size, self.near, self.far, self.fill_back, given)
+        return srf.rasterize_info(mesh.face_vertices, self._sides(), self.near, self.far, self.fill_back, given)
 
 
 class Rasterizer(SoftRasterizer):

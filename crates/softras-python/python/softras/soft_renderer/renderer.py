@@ -45,6 +45,8 @@ class SoftRenderer(nn.Module):
         light_color_directionals=(1, 1, 1),
         light_directions=(0, 1, 0),
         exact_gradients=False,
+        image_height=None,
+        image_width=None,
     ):
         super().__init__()
         self.lighting = Lighting(
@@ -74,6 +76,8 @@ class SoftRenderer(nn.Module):
             aggr_func_alpha,
             texture_type,
             exact_gradients,
+            image_height,
+            image_width,
         )
 
     def set_sigma(self, sigma):
