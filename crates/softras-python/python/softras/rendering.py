@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import threading
-from typing import Any, Dict, List, NamedTuple, Sequence, Union
+from typing import Any, Dict, List, NamedTuple, Sequence, Tuple, Union
 
 import numpy as np
 
@@ -42,6 +42,17 @@ if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_after_fork)
 
 
+def batched(meshes: Sequence[Mesh], cameras: Sequence[Camera]) -> Tuple[List[Mesh], List[Camera]]:
+    """Several meshes and one camera for each: one camera that all of them have, or as many in turn for each mesh."""
+    meshes, cameras = list(meshes), list(cameras)
+    if len(meshes) > 1 and len(cameras) == 1:
+        cameras = cameras * len(meshes)
+    each, rest = divmod(len(cameras), max(len(meshes), 1))
+    if len(meshes) > 1 and each > 1 and not rest:
+        meshes = [mesh for mesh in meshes for _ in range(each)]
+    return meshes, cameras
+
+
 def render(
     meshes: Meshes,
     cameras: Cameras,
@@ -51,7 +62,14 @@ def render(
     save: bool = False,
     renderer: Renderer | None = None,
 ) -> Frame:
-    """Renders one mesh from every camera, or a list of meshes from one camera each. See `Renderer.render`."""
+    """Renders one mesh from every camera, or a list of B meshes from one camera each. See `Renderer.render`.
+
+    B meshes may also have one camera for all, or B·N, of which each mesh has N in turn: then the frame has B·N meshes.
+    """
+    if not isinstance(meshes, Mesh) and not isinstance(cameras, Camera):
+        meshes, cameras = batched(meshes, cameras)
+    elif not isinstance(meshes, Mesh):
+        meshes, cameras = batched(meshes, [cameras])
     return (renderer or default_renderer()).render(meshes, cameras, settings, lights, save=save)
 
 

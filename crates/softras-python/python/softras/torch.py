@@ -17,7 +17,7 @@ import torch
 
 from . import _scene
 from ._softras import Camera, Renderer
-from .rendering import default_renderer
+from .rendering import batched, default_renderer
 from .losses import (
     chamfer_distance,
     edge_length_loss,
@@ -65,9 +65,15 @@ class Images(NamedTuple):
 def _host(value) -> np.ndarray:
     if not isinstance(value, torch.Tensor):
         return np.asarray(value)
-    value = value.detach().cpu()
+    # Nothing is called that need not be: within `torch.func` results are wrapped, and constants have no `numpy`.
+    value = value.detach() if value.requires_grad else value
+    value = value if value.device.type == "cpu" else value.cpu()
     # numpy has no bfloat16.
-    return (value.float() if value.dtype in (torch.bfloat16, torch.float16) else value).numpy()
+    value = value.float() if value.dtype in (torch.bfloat16, torch.float16) else value
+    try:
+        return value.numpy()
+    except RuntimeError:
+        return np.from_dlpack(value)
 
 
 class _Render(torch.autograd.Function):
@@ -137,8 +143,8 @@ def render(
 ) -> Images:
     """Renders meshes to tensors.
 
-    `vertices` is [V, 3] for one mesh that all cameras see, [B, V, 3] for B meshes with one camera each, or a list of tensors
-    for meshes of different sizes. `faces` is [F, 3] integers for all meshes, [B, F, 3], a list, or a `softras.Mesh` whose
+    `vertices` is [V, 3] for one mesh that all cameras see, [B, V, 3] for B meshes with one camera each, one for all, or B·N, of which each
+    mesh has N in turn; or a list of tensors for meshes of different sizes. `faces` is [F, 3] integers for all meshes, [B, F, 3], a list, or a `softras.Mesh` whose
     triangles and appearance are used. `colors` is [3] or [V, 3], `surface` [F, R², 3], `uvs` [U, 2] and `textures`
     [height, width, 3 or 4 with alpha] for one mesh; with one more dimension, or as a list, each mesh has its own.
 
@@ -188,8 +194,8 @@ def fragments(
     constants.update(settings=settings, lights=None, renderer=renderer)
     given = {"positions": vertices, "textures": None}
     scene, flat = _scene.build(given, {}, faces, cameras, constants, torch.Tensor, _host)
-    meshes = scene.meshes([_host(tensor) for tensor in flat])
-    found = (renderer or default_renderer()).fragments(meshes, scene.cameras, scene.settings)
+    meshes, seen = batched(scene.meshes([_host(tensor) for tensor in flat]), scene.cameras)
+    found = (renderer or default_renderer()).fragments(meshes, seen, scene.settings)
     return Fragments(*(torch.from_numpy(array).to(first.device) for array in found))
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import torch.nn.functional as F
 from torch import nn
 
@@ -38,7 +40,7 @@ class SoftRasterizer(nn.Module):
         exact_gradients=False,
         image_height=None,
         image_width=None,
-    ):
+    ) -> None:
         super().__init__()
         choices = [
             ("dist_func", dist_func, ("hard", "euclidean", "barycentric")),
@@ -57,10 +59,10 @@ class SoftRasterizer(nn.Module):
         self.gamma_val, self.aggr_func_rgb, self.aggr_func_alpha = gamma_val, aggr_func_rgb, aggr_func_alpha
         self.texture_type, self.exact_gradients = texture_type, exact_gradients
 
-    def _sides(self):
+    def _sides(self) -> tuple:
         return self.image_height or self.image_size, self.image_width or self.image_size
 
-    def forward(self, mesh, mode=None):
+    def forward(self, mesh, mode=None) -> Any:
         images = srf.soft_rasterize(
             mesh.face_vertices,
             mesh.face_textures,
@@ -82,7 +84,7 @@ class SoftRasterizer(nn.Module):
         images = F.avg_pool2d(images, kernel_size=2, stride=2) if self.anti_aliasing else images
         return (images, *self._info(mesh)) if self.returns_info else images
 
-    def _info(self, mesh):
+    def _info(self, mesh) -> tuple:
         weights = {"eps": self.eps, "sigma_val": self.sigma_val, "dist_func": self.dist_func, "dist_eps": self.dist_eps}
         weights["gamma_val"] = self.gamma_val
         given = weights if self.aggr_func_rgb == "softmax" else None
@@ -102,7 +104,7 @@ class Rasterizer(SoftRasterizer):
         fill_back=True,
         eps=1e-6,
         texture_type="surface",
-    ):
+    ) -> None:
         super().__init__(
             image_size,
             background_color,

@@ -23,7 +23,7 @@ def _cells(mesh: Mesh, resolution: int) -> np.ndarray:
     return surface_cells(mesh, resolution)
 
 
-def load_obj(filename_obj, normalization=False, load_texture=False, texture_res=4, texture_type="surface"):
+def load_obj(filename_obj, normalization=False, load_texture=False, texture_res=4, texture_type="surface") -> tuple:
     """Vertices [V, 3] and faces [F, 3] (int32) of a mesh file, and with `load_texture` its textures.
 
     Those are [F, R², 3] for texture_type "surface", and [V, 3] for "vertex". `normalization` moves the mesh into a cube around
@@ -47,7 +47,7 @@ def load_obj(filename_obj, normalization=False, load_texture=False, texture_res=
     return vertices, faces, torch.from_numpy(mesh.colors)
 
 
-def _atlas(cells: np.ndarray, side: int):
+def _atlas(cells: np.ndarray, side: int) -> tuple:
     """An image with a tile of `side` pixels a side for each face, and the UVs [F, 3, 2] of its corners."""
     count, resolution = len(cells), math.isqrt(cells.shape[1])
     columns = math.isqrt(count - 1) + 1
@@ -72,7 +72,7 @@ def _atlas(cells: np.ndarray, side: int):
     return image, uvs
 
 
-def save_obj(filename, vertices, faces, textures=None, texture_res=16, texture_type="surface"):
+def save_obj(filename, vertices, faces, textures=None, texture_res=16, texture_type="surface") -> None:
     """Writes vertices [V, 3] and faces [F, 3], with textures [F, R², 3] ("surface") or colours [V, 3] ("vertex").
 
     A surface becomes an image with a tile of `texture_res` pixels a side for each face.
@@ -92,7 +92,7 @@ def save_obj(filename, vertices, faces, textures=None, texture_res=16, texture_t
     Mesh(vertices, faces, **look).save(os.fspath(filename))
 
 
-def save_voxel(filename, voxel):
+def save_voxel(filename, voxel) -> None:
     """Writes the voxels [X, Y, Z] that are 1 as the vertices of a mesh without faces, in the unit cube."""
     voxel = torch.as_tensor(voxel)
     places = torch.nonzero(voxel == 1) / torch.tensor(voxel.shape, device=voxel.device)

@@ -17,12 +17,12 @@ _NEAREST = 1e-6
 _ALPHA = {"hard": "hard", "sum": "sum", "prod": "product"}
 
 
-def _sides(image_size):
+def _sides(image_size) -> tuple:
     """Height and width of an image of one side, or of (height, width)."""
     return (image_size, image_size) if isinstance(image_size, int) else tuple(image_size)
 
 
-def _settings(image_size, background_color, near, far, fill_back, eps, sigma_val, dist_func, dist_eps, gamma_val, rgb, alpha):
+def _settings(image_size, background_color, near, far, fill_back, eps, sigma_val, dist_func, dist_eps, gamma_val, rgb, alpha) -> Settings:
     if alpha not in _ALPHA:
         raise InputError(f"aggr_func_alpha is {alpha!r}: use hard, sum or prod")
 
@@ -59,7 +59,7 @@ def _settings(image_size, background_color, near, far, fill_back, eps, sigma_val
     )
 
 
-def rasterize_info(face_vertices, image_size=256, near=1, far=100, fill_back=True, weights=None):
+def rasterize_info(face_vertices, image_size=256, near=1, far=100, fill_back=True, weights=None) -> tuple:
     """What the fork of UMR returns beside the images: p2f_info [batch, F, 2] and aggrs_info [batch, 2, size, size].
 
     aggrs_info is the depth of the nearest face of each pixel, 1e7 where there is none, and its number, -1 there. p2f_info is each
@@ -89,7 +89,7 @@ def rasterize_info(face_vertices, image_size=256, near=1, far=100, fill_back=Tru
     return sums[:, :, 0, :2] / sums[:, :, 0, 2:].clamp(min=1e-12), info
 
 
-def _apart(count):
+def _apart(count) -> np.ndarray:
     """Triangles of corners that belong to one face each."""
     return np.arange(3 * count, dtype=np.uint32).reshape(count, 3)
 
@@ -111,7 +111,7 @@ def soft_rasterize(
     aggr_func_alpha="prod",
     texture_type="surface",
     exact_gradients=False,
-):
+) -> torch.Tensor:
     """Images [batch, 4, size, size] (red, green, blue, alpha; row 0 at the top) of faces on the screen.
 
     `image_size` may be (height, width). `face_vertices` is [batch, F, 3, 3]: x to the right and y up in [-1, 1], and view depth; in an
