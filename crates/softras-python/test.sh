@@ -34,12 +34,12 @@ unavailable() {
 command -v python3 >/dev/null || unavailable "python3 is absent"
 python3 -m venv "$scratch/build" || unavailable "python3 has no module venv (Debian: python3-venv)"
 "$scratch/build/bin/pip" install --quiet "maturin>=1.9,<2" || unavailable "maturin cannot be installed"
-# The tool of one environment, so that the wheel is tested in another one that has never seen the source.
 # The command, with whose fits those of Python are compared.
 cargo build --quiet --locked --profile "$profile" --manifest-path ../../Cargo.toml -p softras-cli
 target=$(cargo metadata --format-version 1 --no-deps | sed 's/.*"target_directory":"\([^"]*\)".*/\1/')
 SOFTRAS_COMMAND=$target/$([ "$profile" = dev ] && echo debug || echo "$profile")/softras
 export SOFTRAS_COMMAND
+# The tool of one environment, so that the wheel is tested in another one that has never seen the source.
 PATH=$scratch/build/bin:$PATH maturin build --quiet --locked --profile "$profile" --out "$scratch/wheels"
 
 python3 -m venv "$scratch/clean"

@@ -88,7 +88,7 @@ def folder(tmp_path):
     return tmp_path / "views"
 
 
-@pytest.mark.parametrize("options", [["--color"], ["--texture", "--texture-size=64"]], ids=str)
+@pytest.mark.parametrize("options", [["--color"], ["--texture", "--texture-size=256"]], ids=str)
 def test_a_fit_is_that_of_the_command_to_the_bit(folder, tmp_path, options):
     command = os.environ.get("SOFTRAS_COMMAND")
     if not command:
@@ -97,7 +97,7 @@ def test_a_fit_is_that_of_the_command_to_the_bit(folder, tmp_path, options):
     call = [command, "fit", "--views", folder, *options, "--iterations", "8", "-o", target]
     done = subprocess.run(call, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr
-    given = {"texture": 64} if "--texture" in options else {"color": True}
+    given = {"texture": 256} if "--texture" in options else {"color": True}
     found = softras.fit(softras.load_views(folder), steps=8, **given)
     found.mesh.save(tmp_path / "python.obj", srgb=True)
     theirs, ours = softras.load(target), softras.load(tmp_path / "python.obj")
