@@ -256,8 +256,7 @@ mod tests {
         let (near, _) = depth_range(&usual, large, eye, DVec3::new(0.0, 5.0, 0.0));
         assert!(near < 1.0, "{near}");
         let mesh = Mesh::new(vec![[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 2.0]], vec![[0, 1, 2]]).unwrap();
-        let cut =
-            |near| view(CameraOptions { eye: Some([0.0, 0.0, -4.0]), near: Some(near), ..usual.clone() }).cut(&mesh);
+        let cut = |near| view(CameraOptions { eye: Some([0.0, 0.0, -4.0]), near: Some(near), ..usual }).cut(&mesh);
         assert_eq!([cut(3.9), cut(4.1)], [0, 1]);
         let away = view(CameraOptions { eye: Some([0.0, 0.0, 5.0]), target: Some([0.0, 0.0, 9.0]), ..usual });
         assert!(away.far > away.near && away.misses(unit()));
