@@ -9,7 +9,7 @@
 // in a fixed order without atomics, so that the bits are the same on every run.
 // One workgroup an item of backward_cull's list (item.glsl), whose lanes take the pixels in turn. A small item takes one lane
 // alone (item_pixels.glsl).
-// Reads the items, the records, `pixel_gradients` and `silhouette_gradients`. Writes `partials`, which triangle_grad.comp
+// Reads the items, the records, `saved`, `pixel_gradients` and `silhouette_gradients`. Writes `partials`, which triangle_grad.comp
 // reads, and `texel_sums`.
 // Compiled three times: backward, for any Vulkan 1.1 device; backward_subgroup, for workgroups of one subgroup with shuffles;
 // and backward_long, for the cells that found no room.
@@ -36,6 +36,7 @@ layout(set = 0, binding = 6, std430) writeonly buffer Partials { vec4 partials[]
 layout(set = 0, binding = 7, std430) buffer TexelSums { uint texel_sums[]; };
 layout(set = 0, binding = 8) uniform usamplerBuffer item_counts;
 layout(set = 0, binding = 12) uniform samplerBuffer silhouette_gradients;
+layout(set = 0, binding = 13) uniform samplerBuffer saved;
 
 #include "common/constants.glsl"
 #include "common/modes.glsl"

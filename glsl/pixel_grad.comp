@@ -1,15 +1,14 @@
 #version 450
 #extension GL_GOOGLE_include_directive : require
-// Pixel gradient: computes what backward needs of a pixel. That is dL by the mixture Σ w C, the pixel's factor (1 - A) dL/dA of
-// the silhouette, and the reference that turns a fragment's log weight into w (eq. 3 and 4). For the gradients by the
-// background it computes the pixel's own terms too.
+// Pixel gradient: computes what backward needs of a pixel. That is dL by the mixture Σ w C, V of eq. 4, and the
+// pixel's factor (1 - A) dL/dA of the silhouette. For the gradients by the background it computes the pixel's own terms too.
 // One workgroup a tile, one invocation a pixel. It takes the tiles that have a list (the row of `tile_items` that begins at
 // frame.first), because every fragment of another pixel has D = 0: on spot at 256² a quarter of all tiles. The background's
 // gradients need all tiles.
 // Reads `tile_items`, the images, `saved` (pixel.glsl) and the upstream gradients. Writes:
 // - `silhouette_gradients`;
-// - `pixel_gradients`: (dL/dmixture rgb, silhouette gradient), (integer part and fraction of the reference, V, dL/ddepth),
-//   (dL/dnormal, 0), with V of shaded_gradient below, and with LEAST_APART (the least 1 - D', 0, 0, 0);
+// - `pixel_gradients`: (dL/dmixture rgb, V), with V of shaded_gradient below, and (dL/dnormal, dL/ddepth); with DEPTH_ALONE
+//   (integer part and fraction of the reference, V, dL/ddepth), so that backward reads one texel;
 // - `pixel_sums`, which reduce.comp adds up: (dL/dC_b, dL/ds_b), (dL/ds_b times the relative log2 weight, 0, 0, 0), with the
 //   background's log weight s_b = ε/γ. They are zeros if the frame is not complete;
 // - with these, to `status`, whether the frame is complete. backward_cull.comp does so for the gradients by triangles.
@@ -46,34 +45,15 @@ struct SavedPixel {
     vec2 reference;
     // Whether the pixel has weights.
     bool has_weights;
-    // The silhouette's aggregate, and its parts in the product of eq. 5: with LEAST_APART the least factor, and the product of
-    // the others.
+    // The silhouette's aggregate, and with LEAST_APART the aggregate without the least factor.
     float aggregate;
     float others;
-    float least;
 };
 
 SavedPixel saved_at(int at) {
     vec4 texel = texelFetch(saved, at);
-    SavedPixel s;
-    s.others = texel.w;
-    s.least = 1.0;
-    if (LEAST_APART) {
-        s.reference = texel.xy;
-        s.has_weights = texel.xy != (COLOR_MODE == COLOR_HARD ? NO_NEAREST : NO_WEIGHTS);
-        s.others = texel.z;
-        s.least = texel.w;
-    } else {
-        // w_j = D_j exp2(log weight - reference) (eq. 3), where the reference's fraction includes the inverse sum. In a pixel
-        // without weights every w is 0.
-        s.has_weights = texel.z > 0.0;
-        s.reference = s.has_weights ? vec2(texel.x, texel.y - log2(texel.z)) : NO_WEIGHTS;
-        if (COLOR_MODE == COLOR_HARD) {
-            s.reference = s.has_weights ? texel.xy : NO_NEAREST;
-        }
-    }
-    s.aggregate = s.others * s.least;
-    return s;
+    bool has_weights = texel.xy != (COLOR_MODE == COLOR_HARD ? NO_NEAREST : NO_WEIGHTS);
+    return SavedPixel(texel.xy, has_weights, LEAST_APART ? texel.z * texel.w : texel.z, texel.z);
 }
 
 // The number of triangles, by which SILHOUETTE_SUM divides.
@@ -183,19 +163,15 @@ void main() {
     float value = shaded_gradient(at, view, sums.aggregate, background, up, mixing);
     float unblended_mixing = COLOR_MODE == COLOR_SOFTMAX ? mixing : 1.0;
     int to = at * PIXEL_STRIDE;
-    float by_silhouette = silhouette_gradient(view, sums, up.alpha);
     if (UP_ALPHA) {
-        silhouette_gradients[at] = by_silhouette;
+        silhouette_gradients[at] = silhouette_gradient(view, sums, up.alpha);
     }
     if (UP_SHADED) {
-        pixel_gradients[to] = vec4(up.color * mixing, by_silhouette);
-        pixel_gradients[to + 1] = vec4(sums.reference, value, up.depth * unblended_mixing);
-        if (UP_NORMAL) {
-            pixel_gradients[to + 2] = vec4(up.normal * unblended_mixing, 0.0);
+        vec4 surface = vec4(up.normal, up.depth) * unblended_mixing;
+        pixel_gradients[to] = DEPTH_ALONE ? vec4(sums.reference, value, surface.w) : vec4(up.color * mixing, value);
+        if (PIXEL_STRIDE > 1) {
+            pixel_gradients[to + 1] = surface;
         }
-    }
-    if (LEAST_APART) {
-        pixel_gradients[to + PIXEL_LEAST_AT] = vec4(sums.least, 0.0, 0.0, 0.0);
     }
     if (GRAD_BACKGROUND) {
         bool finite = texelFetch(status, int(STATUS_NOT_FINITE)).x == 0u;

@@ -5,6 +5,8 @@
 # Usage: test.sh [--profile PROFILE] [--with PACKAGE]...
 #   --with torch adds torch, of which the tests of softras.torch and softras.soft_renderer need some 5 GB from PyPI;
 #   --with jax adds JAX, some 100 MB, for those of softras.jax;
+#   --with trimesh --with scipy is for the second reader of test_strangers.py;
+#   --with mypy checks the types (with torch), --with tqdm draws bars;
 #   --with matplotlib is for the notebook (with torch), and --with 'ray[data]', some 600 MB, for folder.py --ray.
 # Exit code 3: Python, its module venv or the packages cannot be had here.
 set -euo pipefail
@@ -33,6 +35,11 @@ unavailable() {
 command -v python3 >/dev/null || unavailable "python3 is absent"
 python3 -m venv "$scratch/build" || unavailable "python3 has no module venv (Debian: python3-venv)"
 "$scratch/build/bin/pip" install --quiet "maturin>=1.9,<2" || unavailable "maturin cannot be installed"
+# The command, with whose fits those of Python are compared.
+cargo build --quiet --locked --profile "$profile" --manifest-path ../../Cargo.toml -p softras-cli
+target=$(cargo metadata --format-version 1 --no-deps | sed 's/.*"target_directory":"\([^"]*\)".*/\1/')
+SOFTRAS_COMMAND=$target/$([ "$profile" = dev ] && echo debug || echo "$profile")/softras
+export SOFTRAS_COMMAND
 # The tool of one environment, so that the wheel is tested in another one that has never seen the source.
 PATH=$scratch/build/bin:$PATH maturin build --quiet --locked --profile "$profile" --out "$scratch/wheels"
 

@@ -33,10 +33,10 @@ const int PARTIAL_COLOR_AT = int(PARTIAL_TEXELS);
 const int PARTIAL_COORDINATE_AT = PARTIAL_COLOR_AT + int(GRAD_COLOR) * int(PARTIAL_COLOR_TEXELS);
 const int PARTIAL_NORMAL_AT = PARTIAL_COORDINATE_AT + int(GRAD_COORDINATE) * int(PARTIAL_COORDINATE_TEXELS);
 const int PARTIAL_STRIDE = PARTIAL_NORMAL_AT + int(GRAD_NORMAL) * int(PARTIAL_NORMAL_TEXELS);
-// Texels of an entry of `pixel_gradients` (pixel_grad.comp): two for the shaded images, one for the normal, and one for the
-// least factor of the transmittance.
-const int PIXEL_LEAST_AT = 2 * int(UP_SHADED) + int(UP_NORMAL);
-const int PIXEL_STRIDE = PIXEL_LEAST_AT + int(LEAST_APART);
+// Whether depth is the only shaded image with an upstream gradient.
+const bool DEPTH_ALONE = uint(UP_DEPTH) * uint(!UP_COLOR) * uint(!UP_NORMAL) != 0u;
+// Texels of an entry of `pixel_gradients` (pixel_grad.comp): a second one for the normal, or for depth beside colour.
+const int PIXEL_STRIDE = 1 + int(uint(UP_NORMAL) | uint(UP_DEPTH) * uint(UP_COLOR));
 // Gradients by the camera or by sigma and gamma are summed over a whole view.
 const bool GRAD_VIEW = (GRADIENTS & (GRADIENT_VIEW | GRADIENT_SCALARS)) != 0u;
 const bool GRAD_LIGHTS = (GRADIENTS & GRADIENT_LIGHTS) != 0u;

@@ -1,7 +1,7 @@
 // What forward computed for a fragment, that is for a (pixel, triangle) pair, as backward computes it again: one function for
 // each step of eq. 1 to 3. pair_gradient.glsl has the derivatives.
-// Needs fragment.glsl, item_pixels.glsl, gradient_modes.glsl, SHOWS and the buffers `pixel_gradients` and
-// `silhouette_gradients`.
+// Needs fragment.glsl, item_pixels.glsl, gradient_modes.glsl, SHOWS and the buffers `saved`,
+// `pixel_gradients` and `silhouette_gradients`.
 
 // What all pairs of an item have in common. Push constants are copied: on a software device each read in a loop is a gather.
 struct ItemTriangle {
@@ -17,7 +17,7 @@ struct ItemTriangle {
     float weight_slope;
 };
 
-// What pixel_grad.comp computed for a pixel.
+// What forward and pixel_grad.comp computed for a pixel.
 struct PixelGradient {
     // dL by the mixture Σ w C, by the depth and by the normal.
     vec3 by_color;
@@ -35,23 +35,17 @@ struct PixelGradient {
 
 PixelGradient pixel_gradient_at(int entry) {
     PixelGradient g;
-    g.by_depth = 0.0;
-    if (SHOWS) {
-        vec4 first = texelFetch(pixel_gradients, entry * PIXEL_STRIDE);
-        g.by_color = first.rgb;
-        g.by_silhouette = first.a;
-        vec4 second = texelFetch(pixel_gradients, entry * PIXEL_STRIDE + 1);
-        g.log_sum = second.xy;
-        g.mean = second.z;
-        g.by_depth = second.w;
-    } else {
-        // On a software device a texel of one float takes a third of the instructions that one of four takes.
-        g.by_silhouette = UP_ALPHA ? texelFetch(silhouette_gradients, entry).x : 0.0;
-    }
-    if (SHOWS && UP_NORMAL) {
-        g.by_normal = texelFetch(pixel_gradients, entry * PIXEL_STRIDE + 2).xyz;
-    }
-    g.least = LEAST_APART ? texelFetch(pixel_gradients, entry * PIXEL_STRIDE + PIXEL_LEAST_AT).x : 1.0;
+    // On a software device a texel of one float takes a third of the instructions that one of four takes.
+    g.by_silhouette = UP_ALPHA ? texelFetch(silhouette_gradients, entry).x : 0.0;
+    vec4 shaded = SHOWS ? texelFetch(pixel_gradients, entry * PIXEL_STRIDE) : vec4(0.0);
+    vec4 surface = SHOWS && PIXEL_STRIDE > 1 ? texelFetch(pixel_gradients, entry * PIXEL_STRIDE + 1) : vec4(0.0);
+    vec4 sums = LEAST_APART || SHOWS && !DEPTH_ALONE ? texelFetch(saved, entry) : shaded;
+    g.log_sum = sums.xy;
+    g.least = LEAST_APART ? sums.w : 1.0;
+    g.by_color = shaded.rgb;
+    g.by_normal = surface.xyz;
+    g.by_depth = DEPTH_ALONE ? shaded.w : surface.w;
+    g.mean = DEPTH_ALONE ? shaded.z : shaded.w;
     return g;
 }
 

@@ -128,19 +128,15 @@ float aggregate_of(Pixel p) {
     return LEAST_APART ? p.silhouette * p.least : p.silhouette;
 }
 
-// What forward saves for backward: the log2 weight that the sums are relative to, as integer part and fraction, the inverse of
-// `sum`, and the silhouette's aggregate. In the hard mode the record index stands in place of the log2 weight. With LEAST_APART
-// the reference includes `sum` and marks a pixel without weights, and the aggregate takes two numbers.
+// What forward saves for backward: the log2 sum of weights, as integer part and fraction, the silhouette's aggregate, and with
+// LEAST_APART its least factor. In the hard mode the record index stands in place of the sum. With the sum as the reference
+// w_j = D_j exp2(log weight - reference) (eq. 3).
 vec4 saved_of(Pixel p) {
     // The record index goes into two floats that hold it exactly.
     bool hard = COLOR_MODE == COLOR_HARD;
-    vec2 reference = hard ? vec2(p.nearest >> 12, p.nearest & 4095) : vec2(p.exponent, p.fraction);
-    if (LEAST_APART) {
-        reference.y += hard ? 0.0 : log2(p.sum);
-        reference = p.sum > 0.0 ? reference : (hard ? NO_NEAREST : NO_WEIGHTS);
-        return vec4(reference, p.silhouette, p.least);
-    }
-    return vec4(reference, p.sum > 0.0 ? 1.0 / p.sum : 0.0, p.silhouette);
+    vec2 reference = hard ? vec2(p.nearest >> 12, p.nearest & 4095) : vec2(p.exponent, p.fraction + log2(p.sum));
+    reference = p.sum > 0.0 ? reference : (hard ? NO_NEAREST : NO_WEIGHTS);
+    return vec4(reference, p.silhouette, p.least);
 }
 
 // The log2 sum of weights and the transmittance of a pixel. The least sum and the largest transmittance of a tile tell backward

@@ -105,7 +105,8 @@ impl Camera {
 
     /// A 4×4 world-to-view matrix (column vectors; view space x right, y up, **z forward**).
     ///
-    /// An OpenGL-style view matrix looks along -z: negate its third row first.
+    /// A matrix of positive determinant mirrors the image. OpenGL's views look along -z: negate the third row first; OpenCV's have y
+    /// down: negate the second.
     ///
     /// # Errors
     /// [`Error::Camera`] when a value is not finite or the last row is not (0, 0, 0, 1).

@@ -16,6 +16,9 @@ use std::sync::Arc;
 /// Bytes of a label that are shown.
 const LONGEST_LABEL: usize = 63;
 
+/// Bytes of push constants that every device has room for, and the most that a kernel has.
+const MOST_PUSHED: usize = 128;
+
 /// Records into a command buffer. It never allocates device memory, submits or waits.
 ///
 /// Work is not ordered by itself: put a [`barrier`](Self::barrier) between work and what depends on it.
@@ -33,6 +36,9 @@ pub struct Recorder<'a> {
     /// Labels that are open.
     labels: u32,
     dispatches: u32,
+    /// The push constants of the last dispatch. They stay bound for every layout with a range of the same size.
+    pushed: [u8; MOST_PUSHED],
+    pushed_bytes: usize,
 }
 
 impl<'a> Recorder<'a> {
@@ -58,7 +64,18 @@ impl<'a> Recorder<'a> {
     }
 
     fn with(device: &Device, raw: vk::CommandBuffer, keep: Option<&'a mut Vec<Keep>>, family: Option<u32>) -> Self {
-        Self { device: device.clone(), raw, keep, family, times: None, host_times: None, labels: 0, dispatches: 0 }
+        Self {
+            device: device.clone(),
+            raw,
+            keep,
+            family,
+            times: None,
+            host_times: None,
+            labels: 0,
+            dispatches: 0,
+            pushed: [0; MOST_PUSHED],
+            pushed_bytes: 0,
+        }
     }
 
     /// Dispatches recorded so far, direct and indirect ones.
@@ -330,13 +347,17 @@ impl<'a> Recorder<'a> {
         self.dispatches += 1;
         self.keep(&Some(pipeline.inner().clone() as Keep));
         self.keep(&Some(set.inner().clone() as Keep));
+        let bound = self.pushed[..self.pushed_bytes] == *push;
+        self.pushed_bytes = push.len().min(MOST_PUSHED);
+        self.pushed[..self.pushed_bytes].copy_from_slice(&push[..self.pushed_bytes]);
         let (device, layout, point) = (self.device.raw(), pipeline.inner().layout(), vk::PipelineBindPoint::COMPUTE);
         // SAFETY: `check` has been called: all are of this device and of one kernel, so the layouts agree, and the push
-        // constants fill the layout's range. They are kept here, or by the host (`HostCommands::new`).
+        // constants fill the layout's range. Those bound before stay bound, because the last layout's range was the same. They
+        // are kept here, or by the host (`HostCommands::new`).
         unsafe {
             device.cmd_bind_pipeline(self.raw, point, pipeline.inner().raw());
             device.cmd_bind_descriptor_sets(self.raw, point, layout, 0, &[set.inner().raw()], &[]);
-            if !push.is_empty() {
+            if !bound && !push.is_empty() {
                 device.cmd_push_constants(self.raw, layout, vk::ShaderStageFlags::COMPUTE, 0, push);
             }
         }

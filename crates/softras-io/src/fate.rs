@@ -14,3 +14,16 @@ pub enum Fate {
     /// It changes nothing in a still picture under diffuse light.
     Silent,
 }
+
+/// What becomes of properties. Each row has names that spaces part.
+pub type Fates = [(&'static str, Fate)];
+
+/// All names of a table.
+pub fn names(table: &'static Fates) -> impl Iterator<Item = (&'static str, Fate)> {
+    table.iter().flat_map(|(names, fate)| names.split_whitespace().map(|name| (name, *fate)))
+}
+
+/// The fate of a name.
+pub fn of(table: &'static Fates, name: &str) -> Option<Fate> {
+    names(table).find(|(known, _)| *known == name).map(|(_, fate)| fate)
+}

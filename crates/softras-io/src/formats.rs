@@ -2,23 +2,22 @@
 
 use crate::{
     LoadOptions,
-    fate::{Approximated, Drawn, Fate, NotDrawn, Silent},
-    gltf::{PROPERTIES, note_all},
-    load_with,
-    obj::STATEMENTS,
+    fate::{self, Approximated, Drawn, Fate, Fates, NotDrawn, Silent},
+    gltf, load_with, obj, ply,
     source::Source,
 };
 use serde_json::{Value, json};
 use std::{fs, path::Path};
 
 /// A section of docs/formats.md: what is drawn, a table of what is not quite, and what is no part of the picture.
-fn section(rows: &[(&str, Fate)]) -> String {
+fn section(rows: &'static Fates) -> String {
+    let rows: Vec<(&str, Fate)> = fate::names(rows).collect();
     let list = |wanted: fn(Fate) -> bool| {
         let names = rows.iter().filter(|(_, fate)| wanted(*fate)).map(|(name, _)| format!("`{name}`"));
         names.collect::<Vec<_>>().join(", ")
     };
     let mut notes: Vec<(&str, &str, String)> = Vec::new();
-    for (name, fate) in rows {
+    for (name, fate) in &rows {
         let (word, note) = match fate {
             Approximated(note) => ("approximated", note),
             NotDrawn(note) => ("not drawn", note),
@@ -42,11 +41,19 @@ fn the_lists_of_formats_are_those_of_the_readers() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/formats.md");
     let text = fs::read_to_string(&path).unwrap_or_default();
     let mut whole = text.clone();
-    for (title, rows) in [("glTF 2.0", PROPERTIES), ("MTL", STATEMENTS)] {
-        let head = format!("## {title}\n\n");
-        let start = text.find(&head).unwrap_or_else(|| panic!("docs/formats.md has no part {title:?}")) + head.len();
+    let lists = [
+        ("OBJ", obj::STATEMENTS),
+        ("MTL", obj::MATERIAL_STATEMENTS),
+        ("PLY", ply::PROPERTIES),
+        ("glTF 2.0", gltf::PROPERTIES),
+    ];
+    for (title, rows) in lists {
+        // Words on a format may stand before its lists.
+        let start =
+            text.find(&format!("## {title}\n\n")).unwrap_or_else(|| panic!("docs/formats.md has no part {title:?}"));
         let old = text[start..].split("\n## ").next().unwrap_or_default();
-        whole = whole.replacen(&(head.clone() + old), &(head + &section(rows)), 1);
+        let kept = old.split("Drawn: ").next().unwrap_or_default();
+        whole = whole.replacen(old, &format!("{kept}{}", section(rows)), 1);
     }
     if std::env::var_os("RENEW_FORMATS").is_some() {
         fs::write(&path, &whole).unwrap();
@@ -74,10 +81,10 @@ fn what_is_not_drawn_is_noted() {
     let options = LoadOptions::default();
     let notes = |document: Value| {
         let mut source = Source::new(Path::new("a.gltf"), &options);
-        note_all(&mut source, &document);
+        gltf::note_all(&mut source, &document);
         source.notes.finish(false).unwrap_or_default().join(" ")
     };
-    for (path, fate) in PROPERTIES {
+    for (path, fate) in fate::names(gltf::PROPERTIES) {
         let told = notes(document(path));
         match fate {
             NotDrawn(note) => assert!(told.contains(note), "{path}: {told:?}"),
@@ -85,15 +92,43 @@ fn what_is_not_drawn_is_noted() {
         }
     }
     let folder = tempfile::tempdir().expect("a folder");
-    let path = folder.path().join("a.obj");
-    fs::write(&path, "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl a\nf 1 2 3\n").expect("a file");
-    for (name, fate) in STATEMENTS {
-        fs::write(path.with_extension("mtl"), format!("newmtl a\nKd 1 1 1\n{name} 0\n")).expect("a file");
-        let told = load_with(&path, &options).expect("a mesh").notes.join(" ");
+    let write = |name: &str, text: String| {
+        let path = folder.path().join(name);
+        fs::write(&path, text).expect("a file");
+        path
+    };
+    let check = |name: &str, fate: Fate, place: &str, path: &Path| {
+        let told = load_with(path, &options).map(|loaded| loaded.notes.join(" "));
+        let told = told.unwrap_or_else(|error| panic!("{name}: {error}"));
         match fate {
-            NotDrawn(note) => assert!(told.contains(note) && told.contains("a.mtl:3"), "{name}: {told:?}"),
+            NotDrawn(note) => assert!(told.contains(note) && told.contains(place), "{name}: {told:?}"),
             Silent => assert_eq!(told, "", "{name}"),
             _ => {}
+        }
+    };
+    let triangle = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl a\nf 1 2 3\n";
+    let path = write("a.obj", triangle.into());
+    for (name, fate) in fate::names(obj::MATERIAL_STATEMENTS) {
+        write("a.mtl", format!("newmtl a\nKd 1 1 1\n{name} 0\n"));
+        check(name, fate, "a.mtl:3", &path);
+    }
+    for (name, fate) in fate::names(obj::STATEMENTS).filter(|(_, fate)| *fate != Drawn) {
+        check(name, fate, "b.obj:7", &write("b.obj", format!("{triangle}{name} 1\n")));
+    }
+    for (name, fate) in fate::names(ply::PROPERTIES).filter(|(_, fate)| *fate != Drawn) {
+        let (element, property) = name.split_once('.').unwrap_or((name, "x"));
+        let extra = |wanted: &str| if element == wanted { property } else { "nothing" };
+        let other = if matches!(element, "vertex" | "face") { "camera" } else { element };
+        let text = format!(
+            "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nproperty float {}\n\
+             element face 1\nproperty list uchar int vertex_indices\nproperty float {}\nelement {other} 1\nproperty float x\n\
+             end_header\n0 0 0 0\n1 0 0 0\n0 1 0 0\n3 0 1 2 0\n0\n",
+            extra("vertex"),
+            extra("face")
+        );
+        check(name, fate, "c.ply", &write("c.ply", text.clone()));
+        if property == "alpha" {
+            check(name, Silent, "opaque", &write("d.ply", text.replace(" 0\n", " 1\n")));
         }
     }
 }

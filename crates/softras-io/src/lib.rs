@@ -76,16 +76,12 @@ pub fn load(path: impl AsRef<Path>) -> Result<Mesh> {
 ///   [`Textured`] when a face has a `map_Kd` and UVs (other faces get a 1×1 image of their `Kd`), [`VertexColors`] from `v x y z r
 ///   g b`, [`Surface`] with one cell per triangle from several `Kd`, else [`Uniform`]. A face without a material is white. The
 ///   alpha of a `map_Kd` image, or a `map_d`, is that of the [`Texture`](softras::scene::Texture).
-/// - PLY: vertices in their order, polygons, normals, vertex colours or colours of faces, UVs by vertex or by corner with the image
-///   that a `comment TextureFile NAME` names. Colours in bytes are decoded as textures are.
-/// - STL: triangles; vertices at one position become one.
-/// - glTF: all triangles of the scene, placed by their nodes, with normals, base colours and their textures, or vertex colours.
-///   Vertices at one position become one; v runs up, as in OBJ files.
+/// - PLY: vertices in their order. Colours are decoded as textures are.
+/// - STL and glTF: vertices at one position become one; v runs up, as in OBJ files.
 ///
-/// What can be left out without harm to the rest is left out with a note: faces of fewer than three corners, malformed
-/// materials, textures that are not an image, over 16384 pixels a side, over 2²⁷ pixels in all, or over 2²⁴ and 16 for each
-/// byte of their files. A material file or texture that is missing or lies outside the mesh's folder is looked for by its name
-/// in the folder.
+/// docs/formats.md lists what is drawn. What is left out is noted: faces of fewer than three corners, malformed materials, textures
+/// that are no image, over 16384 pixels a side, over 2²⁷ pixels in all, or over 2²⁵ and 16 for each byte of their files. A material
+/// file or texture that is missing or lies outside the mesh's folder is looked for by its name in the folder.
 ///
 /// # Errors
 /// [`Error::Io`] when the file cannot be read; [`Error::File`] for other formats, and with the line for what leaves no mesh to

@@ -9,9 +9,9 @@ use std::{
 
 /// The most texels of all images of a mesh, 1.5 GiB.
 const MAX_TEXELS: u64 = 1 << 27;
-/// Texels that images may have whatever the size of their files, 4096² in all, and those that each byte of a file adds: a
+/// Texels that images may have whatever the size of their files, 5792² in all, and those that each byte of a file adds: a
 /// picture of a few kilobytes may claim, and even hold, a hundred million pixels of one colour.
-const FREE_TEXELS: u64 = 1 << 24;
+const FREE_TEXELS: u64 = 1 << 25;
 const TEXELS_PER_BYTE: u64 = 16;
 
 /// How many texels the next image of a mesh may have.

@@ -23,6 +23,9 @@ fn contiguous<'py, T: Element>(
     name: &str,
     kind: &str,
 ) -> PyResult<PyReadonlyArrayDyn<'py, T>> {
+    if value.is_none() {
+        return Err(bad_input(format!("{name} is None"), "give an array of numbers"));
+    }
     if let Ok(array) = value.cast::<PyArrayDyn<T>>()
         && array.is_c_contiguous()
     {

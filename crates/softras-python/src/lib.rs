@@ -5,6 +5,7 @@
 
 mod arrays;
 mod camera;
+mod cells;
 mod exceptions;
 mod fit;
 mod frame;
@@ -27,17 +28,18 @@ mod _softras {
     #[pymodule_export]
     use super::{
         camera::Camera,
+        cells::surface_cells,
         fit::fit,
         frame::Frame,
         gradients::{Gradients, MeshGradients},
-        measure::{blurred_mask, depths_of, iou, is_closed, mask_iou, remesh, voxelize},
+        measure::{blurred_mask, check, depths_of, iou, is_closed, mask_iou, regularizer, remesh, voxelize},
         mesh::{Mesh, load, shape},
         pose::pose,
         reference::{reference_gradient, reference_render},
         renderer::Renderer,
         solid::solid_voxels,
         steps::time_steps,
-        view::{png, save_pictures, view},
+        view::{png, save_exr, save_pictures, view},
         views::{fit_views, load_views},
     };
 }

@@ -1,12 +1,17 @@
 //! Measures of meshes and masks, and the tools around fits.
 
 use crate::arrays::{self, image, image_array};
-use crate::exceptions::Raise;
+use crate::exceptions::{Raise, exception};
 use crate::mesh::Mesh;
-use numpy::{PyArray1, PyArray3, PyArrayMethods};
+use crate::renderer::Renderer;
+use crate::settings::chosen;
+use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
+use softras::glam::DVec3;
 use softras::{Scene, Settings};
-use softras_fit::Voxels;
+use softras_fit::{Regularizer, Topology, Voxels};
+use softras_lab::check::{Case, cases, compare};
+use std::time::Duration;
 
 /// The volume of the intersection of two solids over that of their union, counted in resolution³ voxels around both.
 #[pyfunction]
@@ -42,7 +47,47 @@ pub fn blurred_mask(mask: &Bound<'_, PyAny>, sigma: f64, sheets: f64) -> PyResul
 /// The mesh with triangles of about the given edge length; vertices come in a new order. Raises FitError.
 #[pyfunction]
 pub fn remesh(py: Python<'_>, mesh: &Mesh, edge_length: f64) -> PyResult<Mesh> {
-    py.detach(|| softras_fit::remeshed(&mesh.mesh, edge_length..=edge_length)).raise().map(Mesh::from)
+    let mesh = mesh.mesh.clone();
+    let work = std::thread::spawn(move || softras_fit::remeshed(&mesh, edge_length..=edge_length));
+    while !work.is_finished() {
+        // Ctrl-C leaves the thread to end by itself.
+        py.check_signals()?;
+        py.detach(|| std::thread::sleep(Duration::from_millis(2)));
+    }
+    let found = work.join().map_err(|_| exception("Error", "the mesh cannot be remeshed: report it with the mesh"))?;
+    found.raise().map(Mesh::from)
+}
+
+/// A regularizer's penalty of positions [V, 3], and its gradient.
+#[pyfunction]
+pub fn regularizer<'py>(
+    name: &str,
+    triangles: &Bound<'py, PyAny>,
+    positions: &Bound<'py, PyAny>,
+) -> PyResult<(f64, Bound<'py, PyArray2<f64>>)> {
+    let known = [("normals", Regularizer::NormalConsistency), ("flatten", Regularizer::Flatten)];
+    let penalty = chosen("regularizer", name, &known)?;
+    let array = arrays::doubles(positions, "vertices")?;
+    let points: Vec<DVec3> = array.as_slice()?.as_chunks::<3>().0.iter().copied().map(DVec3::from).collect();
+    let topology = Topology::new(points.len(), &arrays::triangles(triangles, "faces")?).raise()?;
+    let mut gradient = vec![DVec3::ZERO; points.len()];
+    let value = penalty.add(&topology, &points, 1.0, &mut gradient).raise()?;
+    Ok((value, arrays::array(positions.py(), gradient.iter().map(DVec3::to_array).collect())?))
+}
+
+/// A case of `softras check`: its name, the errors of images and gradients, whether it repeats to the bit, and whether it passes.
+type Checked = (&'static str, [Option<f64>; 4], [Option<f64>; 8], bool, bool);
+
+/// Compares a device with the reference on small scenes; see `softras.check`.
+#[pyfunction]
+pub fn check(py: Python<'_>, renderer: &Renderer) -> PyResult<Vec<Checked>> {
+    let one = |case: Case| {
+        py.check_signals()?;
+        let found = renderer.shared.call(py, |renderer| compare(renderer, &case))?;
+        let passes = found.pass(case.gradient_tolerance);
+        Ok((case.name, found.images, found.gradients, found.repeats, passes))
+    };
+    cases().raise()?.into_iter().map(one).collect()
 }
 
 /// Whether every edge is used by as many triangles in one direction as in the other.

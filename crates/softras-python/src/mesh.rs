@@ -132,7 +132,11 @@ impl Mesh {
     /// [height, width, 3 or 4 with alpha] or several, linear floats or a picture in sRGB (uint8, or Pillow's), with `uvs` [U, 2], `uv_triangles` [T, 3] (the triangles unless
     /// given), `texture_of_triangle` [T] and `wrap` ("repeat", "clamp"). White without any. Raises MeshError, InputError.
     #[new]
-    #[pyo3(signature = (positions, triangles, *, **look))]
+    #[pyo3(
+        signature = (positions, triangles, *, **look),
+        text_signature = "(positions, triangles, *, colors=None, surface=None, uvs=None, uv_triangles=None, textures=None, \
+                          texture_of_triangle=None, wrap='repeat')"
+    )]
     fn new(
         positions: &Bound<'_, PyAny>,
         triangles: &Bound<'_, PyAny>,
@@ -255,7 +259,12 @@ impl Mesh {
     }
 
     /// The same mesh with another appearance; arguments as of the class. Raises MeshError, InputError.
-    #[pyo3(name = "with_look", signature = (**look))]
+    #[pyo3(
+        name = "with_look",
+        signature = (**look),
+        text_signature = "($self, *, colors=None, surface=None, uvs=None, uv_triangles=None, textures=None, \
+                          texture_of_triangle=None, wrap='repeat')"
+    )]
     fn looking(&self, look: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
         let Some(given) = look else { return Ok(self.clone()) };
         let whole = given.py().import("softras._rebuild")?.getattr("look")?.call((), Some(given))?;

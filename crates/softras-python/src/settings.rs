@@ -3,6 +3,7 @@
 use crate::arrays::vector;
 use crate::exceptions::bad_input;
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 use softras::scene::{
     Background, ColorAggregation, DirectionalLight, Distance, Faces, FrontFace, Interpolation, Outputs, Parity,
     Shading, SilhouetteAggregation, Support, SurfacePoint,
@@ -47,9 +48,18 @@ fn outputs(value: &Bound<'_, PyAny>) -> PyResult<Outputs> {
     Ok(outputs)
 }
 
+/// A dict has no fields.
+fn with_fields(value: &Bound<'_, PyAny>, class: &str) -> PyResult<()> {
+    match value.cast::<PyDict>() {
+        Ok(_) => Err(bad_input("settings or lights are a dict", &format!("give softras.{class}(**fields)"))),
+        Err(_) => Ok(()),
+    }
+}
+
 /// The settings of a `softras.Settings`; the defaults for `None`.
 pub fn settings(value: Option<&Bound<'_, PyAny>>) -> PyResult<Settings> {
     let Some(value) = value else { return Ok(Settings::default()) };
+    with_fields(value, "Settings")?;
     let float = |name: &str| number::<f64>(value, name);
     let size = |name: &str| number::<u32>(value, name);
     Ok(Settings {
@@ -112,6 +122,7 @@ pub fn settings(value: Option<&Bound<'_, PyAny>>) -> PyResult<Settings> {
 /// The lights of a `softras.Lights`; none for `None`, under which colours stay as they are.
 pub fn lights(value: Option<&Bound<'_, PyAny>>) -> PyResult<Lights> {
     let Some(value) = value else { return Ok(Lights::unlit()) };
+    with_fields(value, "Lights")?;
     let one = |light: Bound<'_, PyAny>| -> PyResult<DirectionalLight> {
         Ok(DirectionalLight {
             direction: vector(&light.getattr("direction")?, "direction")?,

@@ -8,7 +8,7 @@ use numpy::{PyArray1, PyArray4, PyArrayMethods, PyReadonlyArray3, PyReadonlyArra
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use softras::scene::Shading;
-use softras_io::{LoadOptions, Picture};
+use softras_io::{Floats, LoadOptions, Picture};
 use softras_view::{CameraOptions, LightOptions, Look, Options, View};
 use std::path::PathBuf;
 
@@ -106,6 +106,14 @@ pub fn save_pictures(py: Python<'_>, path: PathBuf, frames: PyReadonlyArray4<'_,
         ([one], false) => py.detach(|| one.save(&path)).raise(),
         _ => Err(bad_input(format!("{}: {} frames", path.display(), frames.len()), "write several as .gif")),
     }
+}
+
+/// Writes an OpenEXR file of linear light with alpha, [height, width, 4].
+#[pyfunction]
+pub fn save_exr(py: Python<'_>, path: PathBuf, picture: PyReadonlyArray3<'_, f32>) -> PyResult<()> {
+    let &[height, width, channels] = picture.shape() else { return Ok(()) };
+    let floats = Floats { width, height, channels, data: picture.as_slice()?.to_vec() };
+    py.detach(|| floats.save_exr(&path, "Y")).raise()
 }
 
 /// The bytes of a PNG file of a picture [height, width, 4].

@@ -16,8 +16,8 @@ use softras_io::{Budget, Views, ViewsOptions};
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 
-/// Cameras, silhouettes, colours, depths and normals.
-type Arrays = (Vec<Camera>, [Option<Py<PyAny>>; 4]);
+/// Cameras; silhouettes, colours, depths and normals; and the reader's notes.
+type Arrays = (Vec<Camera>, [Option<Py<PyAny>>; 4], Vec<String>);
 
 /// Reads pictures with their cameras; see `softras.load_views`.
 #[pyfunction]
@@ -34,10 +34,10 @@ pub fn load_views(
     allow_outside: bool,
 ) -> PyResult<Arrays> {
     let options = ViewsOptions { cameras, fov, depths, depth_unit, normals, allow_outside, ..ViewsOptions::default() };
-    let views = py.detach(|| Views::open_with(&path, &options, &Budget::new(None))).raise()?.0;
+    let (views, _, notes) = py.detach(|| Views::open_with(&path, &options, &Budget::new(None))).raise()?;
     let array = |image: &Option<softras::Image>| image.as_ref().map(|image| image_array(py, image)).transpose();
     let images = [array(&views.silhouette)?, array(&views.color)?, array(&views.depth)?, array(&views.normal)?];
-    Ok((views.cameras.into_iter().map(|camera| Camera { camera }).collect(), images))
+    Ok((views.cameras.into_iter().map(|camera| Camera { camera }).collect(), images, notes))
 }
 
 /// The arguments of a fit to views, all of which `softras.Views.fit` gives.

@@ -149,3 +149,19 @@ def test_measures():
     soft = softras.blurred_mask(mask, 1e-2)
     assert soft.shape == mask.shape and 0.0 < soft[0, 1, 4] < soft[0, 2, 4]
     assert len(softras.remesh(sphere, 0.15).triangles) > len(sphere.triangles)
+
+
+def test_a_check_finds_the_device_right(renderer):
+    found = softras.check(renderer)
+    assert len(found) > 3 and all(one.passes and one.repeats for one in found), found
+    assert any("positions" in one.gradients for one in found) and any("depth" in one.images for one in found)
+
+
+def test_remeshing_stops_at_ctrl_c():
+    ball = softras.shapes.icosphere(3)
+    timer = threading.Timer(0.3, signal.raise_signal, [signal.SIGINT])
+    timer.start()
+    with pytest.raises(KeyboardInterrupt):
+        softras.remesh(ball, 0.004)
+    timer.join()
+    assert len(softras.remesh(ball, 0.3).triangles) < len(ball.triangles)

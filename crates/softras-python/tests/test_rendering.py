@@ -1,5 +1,6 @@
 """Images and gradients on numpy arrays."""
 
+import inspect
 import dataclasses
 import os
 import pickle
@@ -328,3 +329,21 @@ def test_fragments_tell_the_triangle_and_the_point_of_each_pixel(bumpy, cameras,
         assert np.abs(view - depth)[seen].max() < 1e-5
     hard = dataclasses.replace(settings, color="hard", sigma=1e-12, outputs=("depth",))
     assert np.abs(softras.render(bumpy, cameras, hard).depth - found.depth).max() < 1e-4
+
+
+def test_wrong_arguments_are_named(bumpy, cameras):
+    calls = [
+        ("positions is None", lambda: softras.Mesh(None, bumpy.triangles)),
+        (r"softras.Settings\(\*\*fields\)", lambda: softras.render(bumpy, cameras, {"width": 8})),
+        (r"softras.Lights\(\*\*fields\)", lambda: softras.render(bumpy, cameras, None, {"shading": "flat"})),
+        ("'colour'", lambda: bumpy.with_look(colour=[1, 1, 1])),
+    ]
+    for text, call in calls:
+        with pytest.raises(softras.errors.InputError, match=text):
+            call()
+    assert "texture_of_triangle=None" in str(inspect.signature(softras.Mesh))
+
+
+def test_other_endings_are_no_mesh_files(bumpy, tmp_path):
+    with pytest.raises(softras.errors.FileError, match="ends in .obj"):
+        bumpy.save(tmp_path / "ball.xyz")

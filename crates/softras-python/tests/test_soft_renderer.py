@@ -319,3 +319,37 @@ def test_the_fork_of_umr_returns_faces_and_places(monkeypatch):
     assert (places[0, :2] - torch.tensor([[-0.5, 0.133], [0.5, 0.133]])).abs().max() < 0.03
     _, places, info = sr.SoftRasterizer(image_size=32, aggr_func_rgb="hard", fill_back=True)(mesh)
     assert not places.any() and set(info[0, 1].unique().tolist()) == {-1.0, 0.0, 1.0}
+
+
+def test_images_need_not_be_square():
+    mesh = sr.Mesh(TRIANGLE, FACE)
+    wide = seen(image_height=16, image_width=32).render_mesh(mesh)
+    mesh.reset_()
+    square = seen().render_mesh(mesh)
+    assert wide.shape == (1, 4, 16, 32) and (wide[..., 8:24] - square).abs().max() < 1e-5
+    mesh.reset_()
+    images, places, info = srf.soft_rasterize(mesh.face_vertices, mesh.face_textures, (8, 12)), *srf.rasterize_info(
+        mesh.face_vertices, (8, 12)
+    )
+    assert images.shape == (1, 4, 8, 12) and info.shape == (1, 2, 8, 12) and places.shape == (1, 1, 2)
+
+
+def test_many_cells_are_refused_with_a_fix(monkeypatch):
+    def full(*arguments, **names):
+        raise softras.errors.LimitError("buffer `texels` needs 9 bytes, the device's limit is 8")
+
+    monkeypatch.setattr(softras.torch, "render", full)
+    with pytest.raises(softras.errors.LimitError, match="1 × 1 faces with 1 cells each: use a smaller texture_res"):
+        sr.SoftRasterizer(image_size=8)(sr.Mesh(TRIANGLE, FACE))
+
+
+def test_cells_are_samples_of_the_texture(tmp_path):
+    ramp = np.linspace(0, 1, 9, dtype=np.float32)
+    texture = np.stack(np.broadcast_arrays(ramp, ramp[::-1, None], 0.5), -1)
+    uvs = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]
+    softras.Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]], textures=texture, uvs=uvs).save(tmp_path / "ramp.obj")
+    cells = sr.Mesh.from_obj(tmp_path / "ramp.obj", load_texture=True, texture_res=2).textures[0, 0]
+    # b = ((x + 1/3) / 2, (y + 1/3) / 2) below the diagonal; UVs are (b1, 1 - b0 - b1), and the texture shows them.
+    shares = torch.tensor([[1 / 6, 1 / 6], [4 / 6, 1 / 6], [1 / 6, 4 / 6], [1 / 3, 1 / 3]])
+    expected = torch.stack([shares[:, 1], 1 - shares.sum(1), torch.full((4,), 0.5)], 1)
+    assert (cells - expected).abs().max() < 0.01

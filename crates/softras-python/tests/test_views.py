@@ -1,6 +1,9 @@
 """Pictures of meshes, and meshes from pictures."""
 
 import json
+import os
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -68,6 +71,72 @@ def test_a_folder_of_pictures_becomes_a_mesh(tmp_path):
     assert softras.iou(fitted.mesh, softras.shapes.icosphere(3)) > 0.85
     fitted.mesh.save(tmp_path / "ball.glb", srgb=True)
     assert len(softras.load(tmp_path / "ball.glb").triangles) == len(fitted.mesh.triangles)
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A folder of pictures of a ball."""
+    frame, _, places = ball_from(6, 48)
+    (tmp_path / "views").mkdir()
+    entries = []
+    for i, place in enumerate(places):
+        pixels = np.full((48, 48, 4), (255, 188, 89, 0), np.uint8)
+        pixels[..., 3] = 255 * frame.silhouette[i]
+        pixels.view(softras.Picture).save(tmp_path / "views" / f"{i}.png")
+        entries.append({"file": f"{i}.png", **dict(zip(("distance", "elevation", "azimuth"), place)), "fov": 50.0})
+    (tmp_path / "views" / "cameras.json").write_text(json.dumps(entries))
+    return tmp_path / "views"
+
+
+@pytest.mark.parametrize("options", [["--color"], ["--texture", "--texture-size=256"]], ids=str)
+def test_a_fit_is_that_of_the_command_to_the_bit(folder, tmp_path, options):
+    command = os.environ.get("SOFTRAS_COMMAND")
+    if not command:
+        pytest.skip("SOFTRAS_COMMAND names no command: test.sh builds one")
+    target = tmp_path / "command.obj"
+    call = [command, "fit", "--views", folder, *options, "--iterations", "8", "-o", target]
+    done = subprocess.run(call, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    given = {"texture": 256} if "--texture" in options else {"color": True}
+    found = softras.fit(softras.load_views(folder), steps=8, **given)
+    found.mesh.save(tmp_path / "python.obj", srgb=True)
+    theirs, ours = softras.load(target), softras.load(tmp_path / "python.obj")
+    np.testing.assert_array_equal(ours.positions, theirs.positions)
+    np.testing.assert_array_equal(ours.triangles, theirs.triangles)
+    if theirs.textures:
+        np.testing.assert_array_equal(ours.textures[0], theirs.textures[0])
+    else:
+        np.testing.assert_array_equal(ours.colors, theirs.colors)
+
+
+def test_the_readers_notes_are_warnings(folder):
+    frame = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 3], [0, 0, 0, 1]]
+    bent = {"fl_x": 50, "w": 48, "h": 48, "k1": 0.01, "frames": [{"file_path": "0.png", "transform_matrix": frame}]}
+    (folder / "cameras.json").unlink()
+    (folder / "transforms.json").write_text(json.dumps(bent))
+    with pytest.warns(UserWarning, match="distortion is removed"):
+        assert len(softras.load_views(folder).cameras) == 1
+
+
+def test_progress_true_draws_a_bar(folder, capsys, monkeypatch):
+    views = softras.load_views(folder)
+    monkeypatch.setitem(sys.modules, "tqdm.auto", None)
+    with pytest.raises(softras.errors.InputError, match="pip install tqdm"):
+        softras.fit(views, steps=2, progress=True)
+    monkeypatch.undo()
+    pytest.importorskip("tqdm", reason="tqdm is not installed: test.sh --with tqdm adds it")
+    softras.fit(views, steps=2, progress=True)
+    assert "2/2" in capsys.readouterr().err
+    with pytest.raises(softras.errors.InputError, match="cameras"):
+        softras.fit(views, views.cameras)
+
+
+def test_a_picture_is_saved_as_linear_light(tmp_path):
+    picture = np.full((2, 3, 4), (188, 0, 255, 128), np.uint8).view(softras.Picture)
+    picture.save(tmp_path / "light.exr")
+    content = (tmp_path / "light.exr").read_bytes()
+    assert content[:4] == b"\x76\x2f\x31\x01"
+    assert all(name + b"\0\x02\0\0\0" in content for name in (b"A", b"B", b"G", b"R"))
 
 
 def test_what_does_not_fit_together_is_refused(tmp_path):

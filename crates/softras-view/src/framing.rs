@@ -5,7 +5,7 @@ use crate::{
     options::{CameraOptions, HalfHeight, LightOptions},
 };
 use glam::{DQuat, DVec3};
-use softras::{Camera, Lights, Projection, Result, scene::DirectionalLight};
+use softras::{Camera, Lights, Mesh, Projection, Result, scene::DirectionalLight};
 
 /// The share of the image's smaller side that the mesh's bounding sphere fills.
 const FILL: f64 = 0.85;
@@ -88,6 +88,14 @@ impl Viewpoint {
     pub fn misses(&self, bounds: Bounds) -> bool {
         let depth = (bounds.center - self.eye).dot((self.target - self.eye).normalize_or_zero());
         depth + bounds.radius < self.near || depth - bounds.radius > self.far
+    }
+
+    /// The number of triangles in front of the eye of which the near plane cuts something off.
+    pub fn cut(&self, mesh: &Mesh) -> usize {
+        let forward = (self.target - self.eye).normalize_or_zero();
+        let depth = |v: &u32| (DVec3::from(mesh.positions()[*v as usize].map(f64::from)) - self.eye).dot(forward);
+        let depths = mesh.triangles().iter().map(|t| t.each_ref().map(depth).into_iter().fold(f64::INFINITY, f64::min));
+        depths.filter(|least| *least > 0.0 && *least < self.near).count()
     }
 }
 
@@ -247,6 +255,9 @@ mod tests {
         let (large, eye) = (Bounds { radius: 7071.0, ..unit() }, DVec3::new(0.0, 5.0, 6.0));
         let (near, _) = depth_range(&usual, large, eye, DVec3::new(0.0, 5.0, 0.0));
         assert!(near < 1.0, "{near}");
+        let mesh = Mesh::new(vec![[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 2.0]], vec![[0, 1, 2]]).unwrap();
+        let cut = |near| view(CameraOptions { eye: Some([0.0, 0.0, -4.0]), near: Some(near), ..usual }).cut(&mesh);
+        assert_eq!([cut(3.9), cut(4.1)], [0, 1]);
         let away = view(CameraOptions { eye: Some([0.0, 0.0, 5.0]), target: Some([0.0, 0.0, 9.0]), ..usual });
         assert!(away.far > away.near && away.misses(unit()));
     }

@@ -18,22 +18,24 @@ const CLEAR_DIFFERENCE: f64 = 2.0;
 /// A mesh that is flatter than this share of its largest side hangs on a wall more often than it stands on its back: of 820
 /// pieces of furniture (Debian's sweethome3d-furniture, where y is up) 47 have a flat back, 37 of them flatter than this.
 const LEAST_HEIGHT: f64 = 0.6;
+/// A plate is thinner than this share of its other sides, and its lower face has at least this share of the upper one's area, or the
+/// other way round: it lies flat. Of the same furniture five pieces are such plates upright, as a shutter and two railings.
+const PLATE: f64 = 0.1;
+const SAME_FACES: f64 = 0.8;
 
-/// The axis that is up, as a number from 0 for x to 2 for z, if it is another than y: z, if the mesh has a base there and does
-/// not stand on y. Of forty public files that stand on x alone, one has x up: x is never taken.
-pub fn other_axis(mesh: &Mesh) -> Option<usize> {
+/// Whether z is up, and not y: the mesh has a base there and does not stand on y, or is a plate there. Of forty public files that
+/// stand on x alone, one has x up: x is never taken.
+pub fn z_is_up(mesh: &Mesh) -> bool {
     let points: Vec<DVec3> = mesh.triangles().iter().flatten().map(|&i| point(mesh, i)).collect();
     let (low, high) = points.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), p| (l.min(*p), h.max(*p)));
     let size = high - low;
-    if points.is_empty() || base(&points, 1, 1.0, mesh) >= LEAST_BASE {
-        return None;
-    }
-    let is_clear = |axis: &usize| {
-        let (below, above) = (base(&points, *axis, 1.0, mesh), base(&points, *axis, -1.0, mesh));
-        let is_flat = size[*axis] < LEAST_HEIGHT * size.max_element();
-        !is_flat && below >= CLEAR_BASE && below >= CLEAR_DIFFERENCE * above
-    };
-    Some(2).filter(is_clear)
+    let [below, above] = [1.0, -1.0].map(|sign| base(&points, 2, sign, mesh));
+    // A picture on one flat face has no thickness and hangs.
+    let is_thin = size.z > 0.0 && size.z < PLATE * size.x.min(size.y);
+    let is_plate = is_thin && below.min(above) >= SAME_FACES * below.max(above);
+    let is_flat = size.z < LEAST_HEIGHT * size.max_element();
+    let stands = !is_flat && below >= CLEAR_DIFFERENCE * above && base(&points, 1, 1.0, mesh) < LEAST_BASE;
+    below >= CLEAR_BASE && (is_plate || stands)
 }
 
 fn point(mesh: &Mesh, index: u32) -> DVec3 {
@@ -110,23 +112,26 @@ mod tests {
     fn a_mesh_that_stands_on_z_alone_is_found_and_x_is_never_up() {
         // A bust: a ball that was cut off below.
         let bust = mapped(&shapes::icosphere(4).unwrap(), |p| [p[0], p[1].max(-0.8), p[2] * 0.9]);
-        assert_eq!(other_axis(&bust), None);
-        assert_eq!(other_axis(&mapped(&bust, |[x, y, z]| [z, x, y])), Some(2));
-        assert_eq!(other_axis(&mapped(&bust, |[x, y, z]| [y, z, x])), None);
+        assert!(!z_is_up(&bust));
+        assert!(z_is_up(&mapped(&bust, |[x, y, z]| [z, x, y])));
+        assert!(!z_is_up(&mapped(&bust, |[x, y, z]| [y, z, x])));
         // As flat as what hangs on a wall.
-        assert_eq!(other_axis(&mapped(&bust, |[x, y, z]| [z, x, 0.3 * y])), None);
+        assert!(!z_is_up(&mapped(&bust, |[x, y, z]| [z, x, 0.3 * y])));
         // Upside down it has no base.
-        assert_eq!(other_axis(&mapped(&bust, |[x, y, z]| [x, z, -y])), None);
+        assert!(!z_is_up(&mapped(&bust, |[x, y, z]| [x, z, -y])));
     }
 
     #[test]
     fn y_is_up_where_nothing_speaks_for_another_axis() {
         let shapes = [shapes::cube(), shapes::icosphere(3), shapes::torus(0.7, 0.3, 64, 32), shapes::fish()];
         for mesh in shapes {
-            assert_eq!(other_axis(&mesh.unwrap()), None);
+            assert!(!z_is_up(&mesh.unwrap()));
         }
+        // A plate lies flat, but for one without thickness.
+        let plate = |size: [f32; 3]| z_is_up(&mapped(&shapes::cube().unwrap(), |p| [0, 1, 2].map(|k| p[k] * size[k])));
+        assert!(plate([3.0, 2.0, 0.1]) && ![[3.0, 0.1, 2.0], [0.1, 3.0, 2.0], [3.0, 2.0, 0.0]].into_iter().any(plate));
         let flat = Mesh::new(vec![[0.0, 0.0, 0.0], [2.0, 0.5, 0.0], [1.0, 2.0, 0.0]], vec![[0, 1, 2]]).unwrap();
-        assert_eq!(other_axis(&flat), None);
-        assert_eq!(other_axis(&Mesh::new(Vec::new(), Vec::new()).unwrap()), None);
+        assert!(!z_is_up(&flat));
+        assert!(!z_is_up(&Mesh::new(Vec::new(), Vec::new()).unwrap()));
     }
 }

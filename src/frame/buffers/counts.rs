@@ -104,8 +104,6 @@ pub struct GradientCounts {
     pub gradients: u32,
     /// Some image has an alpha below 1, by which there are gradients too.
     pub opacity: bool,
-    /// The least factor of each pixel's transmittance is kept apart.
-    pub least_apart: bool,
     /// Vertices are lit, not triangles.
     pub smooth: bool,
     /// Texels of an item's partial gradient.
@@ -132,7 +130,7 @@ impl GradientCounts {
 
     /// Texels of a pixel's factors of the gradients.
     pub fn pixel_texels(&self) -> u64 {
-        2 * u64::from(self.shaded()) + u64::from(self.upstream.normal) + u64::from(self.least_apart)
+        u64::from(self.shaded()) + u64::from(self.upstream.normal || (self.upstream.depth && self.upstream.color))
     }
 
     /// Whether a shaded image has an upstream gradient.

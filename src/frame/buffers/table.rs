@@ -172,7 +172,7 @@ table! {
         UpstreamDepths("upstream_depths", Float, Input, [], |g| when(g.upstream.depth, bytes(g.totals.pixels, 4)));
         /// dL by `normals`; the fourth component is not read.
         UpstreamNormals("upstream_normals", Float4, Input, [], |g| when(g.upstream.normal, bytes(g.totals.pixels, 16)));
-        /// Every pixel's factors of the gradients through shaded images, and the least factor of its transmittance.
+        /// Every pixel's factors of the gradients through shaded images.
         PixelGradients("pixel_gradients", Float4, Workspace, [],
             |g| when(g.pixel_texels() > 0, bytes(g.totals.pixels * g.pixel_texels(), 16)));
         /// Every pixel's factor of the gradients through the silhouette.

@@ -232,7 +232,6 @@ fn counts_of(input: &BackwardInput, modes: &Modes) -> GradientCounts {
         outlines: up.silhouette || (shaded && input.forward.modes.composite != 0),
         gradients,
         opacity,
-        least_apart: opacity && input.forward.modes.silhouette_mode == c::SILHOUETTE_PRODUCT,
         smooth: modes.smooth != 0,
         partial_texels: u64::from(c::PARTIAL_TEXELS)
             + part(c::GRADIENT_COLOR, c::PARTIAL_COLOR_TEXELS)

@@ -3,56 +3,11 @@
 use crate::common::renderer;
 use softras::scene::{Appearance, ColorAggregation, Outputs, SurfacePoint};
 use softras::{Camera, Image, Mesh, Projection, Renderer, Scene, Settings};
-use std::f32::consts::TAU;
+use softras_lab::measure::needles;
 
 /// The share of pixels that may differ, and the share of the depth range from which a pixel differs.
 const FEW: f64 = 1e-3;
 const WRONG: f32 = 0.05;
-
-/// Corners of a polygon about the origin.
-fn rim(count: u32, radius: f32, z: f32) -> Vec<[f32; 3]> {
-    let angle = |i: u32| i as f32 / count as f32 * TAU;
-    (0..count).map(|i| [radius * angle(i).cos(), radius * angle(i).sin(), z]).collect()
-}
-
-/// A disc as modellers export it: all triangles from one corner of the rim.
-fn fan() -> Mesh {
-    Mesh::new(rim(150, 1.0, 0.0), (2..150).map(|k| [0, k - 1, k]).collect()).unwrap()
-}
-
-/// A plate with a round hole, whose corners take a quarter of the hole's rim each.
-fn plate() -> Mesh {
-    let mut points = rim(160, 0.3, 0.0);
-    points.extend([[1.0, 1.0, 0.0], [-1.0, 1.0, 0.0], [-1.0, -1.0, 0.0], [1.0, -1.0, 0.0]]);
-    let mut triangles: Vec<[u32; 3]> = (0..160).map(|k| [k, 160 + k / 40, (k + 1) % 160]).collect();
-    triangles.extend((0..4).map(|q| [(q + 1) % 4 * 40, 160 + q, 160 + (q + 1) % 4]));
-    Mesh::new(points, triangles).unwrap()
-}
-
-/// A cylinder of long sides with fans at its ends.
-fn cylinder() -> Mesh {
-    let points = [rim(120, 0.5, -1.0), rim(120, 0.5, 1.0)].concat();
-    let sides = (0..120).flat_map(|k| {
-        let next = (k + 1) % 120;
-        [[k, next, 120 + next], [k, 120 + next, 120 + k]]
-    });
-    let caps = (2..120).flat_map(|k| [[0, k, k - 1], [120, 119 + k, 120 + k]]);
-    Mesh::new(points, sides.chain(caps).collect()).unwrap()
-}
-
-/// A needle behind a plate, whose far end comes to stand beside the plate and before it.
-fn sliver() -> Mesh {
-    let points = vec![
-        [-1.0, -1.0, 0.0],
-        [1.0, -1.0, 0.0],
-        [1.0, 1.0, 0.0],
-        [-1.0, 1.0, 0.0],
-        [-0.9, 0.1, 0.8],
-        [1.6, 0.1, -0.25],
-        [1.6, 0.102, -0.25],
-    ];
-    Mesh::new(points, vec![[0, 1, 2], [0, 2, 3], [4, 5, 6]]).unwrap()
-}
 
 fn depth(renderer: &mut Renderer, mesh: &Mesh, angles: [f64; 2], settings: &Settings) -> Image {
     let camera = Camera::from_angles(4.0, angles[0], angles[1], Projection::Perspective { fov_y: 0.7 }).unwrap();
@@ -81,21 +36,16 @@ fn wrong(soft: &Image, hard: &Image) -> f64 {
 #[test]
 fn no_needle_shows_through() {
     let renderer = &mut renderer();
-    let kinds: [(&str, Mesh, [f64; 2]); 4] = [
-        ("fan", fan(), [50.0, 20.0]),
-        ("plate", plate(), [50.0, 20.0]),
-        ("cylinder", cylinder(), [30.0, 40.0]),
-        ("sliver", sliver(), [0.0, 0.0]),
-    ];
     // Of a picture, in which a triangle reaches one and a half pixels beyond its edges.
     let soft = Settings { width: 128, height: 128, near: 2.0, far: 7.0, ..Settings::default() }.with_blur_pixels(1.5);
     let hard = Settings { color: ColorAggregation::Hard, ..soft.clone() };
     let clip = Settings { surface_point: SurfacePoint::Clip, ..soft.clone() };
     let mut clipped: f64 = 0.0;
-    for (name, mesh, angles) in &kinds {
-        let expected = depth(renderer, mesh, *angles, &hard);
-        let nearest = wrong(&depth(renderer, mesh, *angles, &soft), &expected);
-        let clip = wrong(&depth(renderer, mesh, *angles, &clip), &expected);
+    for (name, mesh) in &needles::kinds().unwrap() {
+        let angles = if *name == "sliver" { [0.0, 0.0] } else { [50.0, 20.0] };
+        let expected = depth(renderer, mesh, angles, &hard);
+        let nearest = wrong(&depth(renderer, mesh, angles, &soft), &expected);
+        let clip = wrong(&depth(renderer, mesh, angles, &clip), &expected);
         println!("{name}: {nearest:.4} of the inner pixels differ, clipped {clip:.4}");
         assert!(nearest <= FEW, "{name}: {nearest}");
         clipped = clipped.max(clip);

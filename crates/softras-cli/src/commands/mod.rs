@@ -7,6 +7,7 @@ mod describe;
 mod devices;
 mod fit;
 mod grad;
+mod info;
 mod iou;
 mod mesh;
 mod mesh_file;
@@ -68,6 +69,7 @@ pub enum Command {
     Grad(Box<grad::args::GradArgs>),
     Pose(Box<pose::args::PoseArgs>),
     Mesh(mesh::MeshArgs),
+    Info(info::InfoArgs),
     Iou(iou::IouArgs),
     Devices(devices::DevicesArgs),
     Check(check::CheckArgs),
@@ -132,6 +134,7 @@ fn run_command(cli: &Cli) -> Result<(), Failure> {
         Command::Devices(args) => devices::run(args),
         Command::Mesh(args) => mesh::run(args),
         Command::Fit(args) => fit::run(args),
+        Command::Info(args) => info::run(args),
         Command::Iou(args) => iou::run(args),
         Command::Pose(args) => pose::run(args),
         Command::Completions(args) => complete::completions(args),

@@ -128,6 +128,14 @@ fn every_command_reads_every_format_and_names_them() {
     assert!(picture("mesh.ply") == expected && picture("mesh.stl") == expected);
     succeeds(folder.path(), &["bench", "mesh.stl", "--quick", "--size", "8", "--modes", "silhouette"]);
     succeeds(folder.path(), &["iou", "mesh.stl", "mesh.ply", "--resolution", "2"]);
+    let info = succeeds(folder.path(), &["info", "mesh.stl"]);
+    assert!(info.starts_with("3 vertices, 1 triangles, 1 parts, not closed\nbounds   [-1.0, -1.0, 0.0] to"), "{info}");
+    assert_eq!(info.lines().nth(2), Some("colours  one, linear [1.0, 1.0, 1.0]"));
+    succeeds(folder.path(), &["mesh", "fish", "-o", "fish.obj"]);
+    let report = succeeds(folder.path(), &["info", "fish.obj", "--json"]);
+    let report: serde_json::Value = serde_json::from_str(&report).unwrap();
+    assert!(report["closed"] == true && report["parts"] == 1 && report["files"][1] == "fish.mtl", "{report}");
+    assert!(report["colors"] == "of textures" && report["textures"][0]["alpha"] == false, "{report}");
     succeeds(folder.path(), &["grad", "mesh.ply", "--target", "picture.png", "-o", "grad.png"]);
     let fit = "fit --from mesh.stl --template mesh.ply --views 1 --size 8 --iterations 1 -o out.obj";
     succeeds(folder.path(), &words(fit));

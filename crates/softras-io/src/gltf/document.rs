@@ -35,8 +35,9 @@ pub(super) struct Document<'a> {
     binary: Option<&'a [u8]>,
     buffers: HashMap<usize, Rc<Cow<'a, [u8]>>>,
     files: HashMap<PathBuf, Rc<Cow<'a, [u8]>>>,
-    /// The bytes of accessors that were unpacked.
+    /// The bytes of accessors, and of views, that were unpacked.
     pub unpacked: HashMap<usize, Vec<u8>>,
+    views: HashMap<usize, Rc<Cow<'a, [u8]>>>,
     /// The bytes of all buffers and files that were read or unpacked.
     pub held: usize,
 }
@@ -44,10 +45,11 @@ pub(super) struct Document<'a> {
 impl<'a> Document<'a> {
     pub fn new(root: &'a json::Root<'a>, binary: Option<&'a [u8]>) -> Self {
         let held = binary.map_or(0, <[u8]>::len);
-        Self { root, binary, buffers: HashMap::new(), files: HashMap::new(), unpacked: HashMap::new(), held }
+        let (buffers, files, unpacked, views) = Default::default();
+        Self { root, binary, buffers, files, unpacked, views, held }
     }
 
-    fn buffer(&mut self, source: &mut Source, index: usize) -> Result<Rc<Cow<'a, [u8]>>, String> {
+    pub fn buffer(&mut self, source: &mut Source, index: usize) -> Result<Rc<Cow<'a, [u8]>>, String> {
         if let Some(known) = self.buffers.get(&index) {
             return Ok(known.clone());
         }
@@ -89,8 +91,15 @@ impl<'a> Document<'a> {
     pub fn view(&mut self, source: &mut Source, index: usize) -> Result<(View<'a>, usize), String> {
         let count = self.root.buffer_views.len();
         let view = self.root.buffer_views.get(index).ok_or_else(|| format!("view {index} but there are {count}"))?;
-        if view.extensions.keys().any(|name| name.ends_with("meshopt_compression")) {
-            return Err(format!("view {index} is compressed (meshopt): {UNPACK}"));
+        if let Some(buffer) = self.views.get(&index).cloned() {
+            let end = buffer.len();
+            return Ok((View { buffer, start: 0, end }, view.byte_stride.0));
+        }
+        #[cfg(feature = "packed")]
+        if let Some(packed) = view.extensions.get("EXT_meshopt_compression") {
+            let bytes = self.unpacked_view(source, packed).map_err(|what| format!("view {index}: meshopt: {what}"))?;
+            self.views.insert(index, Rc::new(Cow::Owned(bytes)));
+            return self.view(source, index);
         }
         let buffer = self.buffer(source, view.buffer.0)?;
         let start = view.byte_offset.0;

@@ -212,6 +212,7 @@ pub struct BufferView {
     pub byte_length: Whole,
     #[serde(default)]
     pub byte_stride: Whole,
+    #[cfg(feature = "packed")]
     #[serde(default)]
     pub extensions: Extensions,
 }

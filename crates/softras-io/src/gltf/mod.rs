@@ -6,6 +6,8 @@ mod document;
 mod draco;
 mod image;
 mod json;
+#[cfg(feature = "packed")]
+mod meshopt;
 mod properties;
 mod scene;
 mod write;

@@ -3,134 +3,106 @@
 
 use super::document::UNPACK;
 use crate::{
-    fate::{Approximated, Drawn, Fate, NotDrawn, Silent},
+    fate::{self, Approximated, Drawn, Fate, Fates, NotDrawn, Silent},
     source::Source,
 };
 use serde_json::Value;
 use std::collections::{BTreeMap, HashMap};
 
-const REFLECTION: Fate = NotDrawn("reflections are not drawn: softras draws base colours under diffuse light");
-
 /// The properties by their paths: names joined by dots, lists without their numbers. What lies below one that is not `Drawn` has
 /// the same fate. Extensions stand below `extensions` wherever they are used.
-pub const PROPERTIES: &[(&str, Fate)] = &[
-    ("asset", Silent),
-    ("scene", Drawn),
-    ("scenes.nodes", Drawn),
-    ("cameras", Silent),
-    ("animations", Silent),
-    ("extensionsUsed", Silent),
-    ("extensionsRequired", Drawn),
-    ("buffers.uri", Drawn),
-    ("buffers.byteLength", Drawn),
-    ("bufferViews.buffer", Drawn),
-    ("bufferViews.byteOffset", Drawn),
-    ("bufferViews.byteLength", Drawn),
-    ("bufferViews.byteStride", Drawn),
-    ("bufferViews.target", Silent),
-    ("accessors.bufferView", Drawn),
-    ("accessors.byteOffset", Drawn),
-    ("accessors.componentType", Drawn),
-    ("accessors.normalized", Drawn),
-    ("accessors.count", Drawn),
-    ("accessors.type", Drawn),
-    ("accessors.min", Silent),
-    ("accessors.max", Silent),
-    ("accessors.sparse", Drawn),
-    ("nodes.mesh", Drawn),
-    ("nodes.skin", Drawn),
-    ("nodes.children", Drawn),
-    ("nodes.matrix", Drawn),
-    ("nodes.translation", Drawn),
-    ("nodes.rotation", Drawn),
-    ("nodes.scale", Drawn),
-    ("nodes.weights", Drawn),
-    ("nodes.camera", Silent),
-    ("skins.joints", Drawn),
-    ("skins.inverseBindMatrices", Drawn),
-    ("skins.skeleton", Silent),
-    ("meshes.weights", Drawn),
+pub const PROPERTIES: &Fates = &[
+    (
+        "asset cameras animations extensionsUsed bufferViews.target accessors.min accessors.max nodes.camera \
+         skins.skeleton meshes.primitives.attributes.TANGENT meshes.primitives.attributes._NAME \
+         materials.pbrMetallicRoughness.metallicFactor materials.pbrMetallicRoughness.roughnessFactor \
+         materials.pbrMetallicRoughness.metallicRoughnessTexture materials.occlusionTexture materials.doubleSided \
+         images.mimeType samplers.minFilter extensions.KHR_mesh_quantization extensions.CESIUM_RTC \
+         extensions.KHR_materials_ior extensions.KHR_materials_dispersion extensions.KHR_animation_pointer \
+         extensions.KHR_xmp_json_ld extensions.KHR_xmp extensions.EXT_mesh_features \
+         extensions.EXT_structural_metadata extensions.EXT_instance_features extensions.MSFT_lod \
+         extensions.FB_geometry_metadata extensions.AGI_articulations extensions.AGI_stk_metadata \
+         extensions.GODOT_single_root extensions.KHR_node_hoverability extensions.KHR_node_selectability \
+         extensions.KHR_interactivity extensions.KHR_physics_rigid_bodies extensions.KHR_implicit_shapes \
+         extensions.KHR_audio_emitter extensions.EXT_mesh_manifold extensions.VRM extensions.VRMC_vrm \
+         extensions.VRMC_springBone extensions.VRMC_node_constraint",
+        Silent,
+    ),
+    (
+        "scene scenes.nodes extensionsRequired buffers.uri buffers.byteLength bufferViews.buffer \
+         bufferViews.byteOffset bufferViews.byteLength bufferViews.byteStride accessors.bufferView \
+         accessors.byteOffset accessors.componentType accessors.normalized accessors.count accessors.type \
+         accessors.sparse nodes.mesh nodes.skin nodes.children nodes.matrix nodes.translation nodes.rotation \
+         nodes.scale nodes.weights skins.joints skins.inverseBindMatrices meshes.weights \
+         meshes.primitives.indices meshes.primitives.material meshes.primitives.targets \
+         meshes.primitives.attributes.POSITION meshes.primitives.attributes.NORMAL \
+         meshes.primitives.attributes.TEXCOORD_n meshes.primitives.attributes.JOINTS_n \
+         meshes.primitives.attributes.WEIGHTS_n materials.pbrMetallicRoughness.baseColorFactor \
+         materials.pbrMetallicRoughness.baseColorTexture materials.alphaMode materials.alphaCutoff \
+         textures.source textures.sampler images.uri images.bufferView samplers.wrapS samplers.wrapT \
+         extensions.KHR_texture_transform extensions.KHR_materials_unlit \
+         extensions.KHR_materials_emissive_strength extensions.KHR_materials_pbrSpecularGlossiness \
+         extensions.EXT_mesh_gpu_instancing extensions.EXT_texture_webp extensions.KHR_draco_mesh_compression \
+         extensions.EXT_meshopt_compression extensions.KHR_texture_basisu extensions.KHR_node_visibility",
+        Drawn,
+    ),
     ("meshes.primitives.mode", Approximated("lines and points are not drawn")),
-    ("meshes.primitives.indices", Drawn),
-    ("meshes.primitives.material", Drawn),
-    ("meshes.primitives.targets", Drawn),
-    ("meshes.primitives.attributes.POSITION", Drawn),
-    ("meshes.primitives.attributes.NORMAL", Drawn),
-    ("meshes.primitives.attributes.TANGENT", Silent),
-    ("meshes.primitives.attributes.TEXCOORD_n", Drawn),
     ("meshes.primitives.attributes.COLOR_0", Approximated("vertex colours times a texture are drawn as a new texture")),
     ("meshes.primitives.attributes.COLOR_n", NotDrawn("vertex colours beyond COLOR_0 are not drawn")),
-    ("meshes.primitives.attributes.JOINTS_n", Drawn),
-    ("meshes.primitives.attributes.WEIGHTS_n", Drawn),
-    ("meshes.primitives.attributes._NAME", Silent),
-    ("materials.pbrMetallicRoughness.baseColorFactor", Drawn),
-    ("materials.pbrMetallicRoughness.baseColorTexture", Drawn),
-    ("materials.pbrMetallicRoughness.metallicFactor", Silent),
-    ("materials.pbrMetallicRoughness.roughnessFactor", Silent),
-    ("materials.pbrMetallicRoughness.metallicRoughnessTexture", Silent),
     ("materials.normalTexture", NotDrawn("normal maps are not drawn")),
-    ("materials.occlusionTexture", Silent),
-    ("materials.emissiveFactor", Approximated("emitted light is drawn as colour, which lamps shade")),
-    ("materials.emissiveTexture", Approximated("emitted light is drawn as colour, which lamps shade")),
-    ("materials.alphaMode", Drawn),
-    ("materials.alphaCutoff", Drawn),
-    ("materials.doubleSided", Silent),
-    ("textures.source", Drawn),
-    ("textures.sampler", Drawn),
-    ("images.uri", Drawn),
-    ("images.bufferView", Drawn),
-    ("images.mimeType", Silent),
+    (
+        "materials.emissiveFactor materials.emissiveTexture",
+        Approximated("emitted light is drawn as colour, which lamps shade"),
+    ),
     ("samplers.magFilter", Approximated("textures are drawn smoothly, not by the nearest texel")),
-    ("samplers.minFilter", Silent),
-    ("samplers.wrapS", Drawn),
-    ("samplers.wrapT", Drawn),
-    ("extensions.KHR_mesh_quantization", Silent),
-    ("extensions.KHR_texture_transform", Drawn),
-    ("extensions.KHR_materials_unlit", Drawn),
-    ("extensions.KHR_materials_emissive_strength", Drawn),
-    ("extensions.KHR_materials_pbrSpecularGlossiness", Drawn),
-    ("extensions.EXT_mesh_gpu_instancing", Drawn),
-    ("extensions.EXT_texture_webp", Drawn),
-    ("extensions.CESIUM_RTC", Silent),
-    ("extensions.KHR_draco_mesh_compression", Drawn),
-    ("extensions.EXT_meshopt_compression", NotDrawn(UNPACK)),
-    ("extensions.KHR_texture_basisu", Drawn),
-    ("extensions.KHR_lights_punctual", NotDrawn("the lights of the file are not used: give --light")),
-    ("extensions.KHR_materials_anisotropy", REFLECTION),
-    ("extensions.KHR_materials_clearcoat", REFLECTION),
-    ("extensions.KHR_materials_ior", Silent),
-    ("extensions.KHR_materials_dispersion", Silent),
-    ("extensions.KHR_materials_iridescence", REFLECTION),
-    ("extensions.KHR_materials_sheen", REFLECTION),
-    ("extensions.KHR_materials_specular", REFLECTION),
-    ("extensions.KHR_materials_transmission", NotDrawn("glass is drawn opaque: give the material an alphaMode BLEND")),
-    ("extensions.KHR_materials_diffuse_transmission", NotDrawn("light through surfaces is not drawn")),
-    ("extensions.KHR_materials_volume", NotDrawn("glass is drawn opaque: give the material an alphaMode BLEND")),
+    ("extensions.KHR_meshopt_compression", NotDrawn(UNPACK)),
+    (
+        "extensions.KHR_lights_punctual extensions.EXT_lights_ies extensions.EXT_lights_image_based",
+        NotDrawn("the lights of the file are not used: give --light"),
+    ),
+    (
+        "extensions.KHR_materials_anisotropy extensions.KHR_materials_clearcoat \
+         extensions.KHR_materials_iridescence extensions.KHR_materials_sheen extensions.KHR_materials_specular",
+        NotDrawn("reflections are not drawn: softras draws base colours under diffuse light"),
+    ),
+    (
+        "extensions.KHR_materials_transmission extensions.KHR_materials_volume",
+        NotDrawn("glass is drawn opaque: give the material an alphaMode BLEND"),
+    ),
+    (
+        "extensions.KHR_materials_diffuse_transmission extensions.KHR_materials_volume_scatter",
+        NotDrawn("light through surfaces is not drawn"),
+    ),
     (
         "extensions.KHR_materials_variants",
         Approximated("the file has variants of its materials: the default one is drawn"),
     ),
-    ("extensions.KHR_node_visibility", Drawn),
-    ("extensions.KHR_animation_pointer", Silent),
-    ("extensions.KHR_xmp_json_ld", Silent),
-    ("extensions.KHR_xmp", Silent),
-    ("extensions.EXT_mesh_features", Silent),
-    ("extensions.EXT_structural_metadata", Silent),
-    ("extensions.EXT_instance_features", Silent),
-    ("extensions.MSFT_lod", Silent),
+    (
+        "extensions.CESIUM_primitive_outline extensions.EXT_mesh_primitive_edge_visibility",
+        NotDrawn("outlines are not drawn"),
+    ),
+    ("extensions.KHR_gaussian_splatting", NotDrawn("splats are not drawn")),
+    (
+        "extensions.VRMC_materials_mtoon extensions.NV_materials_mdl extensions.KHR_techniques_webgl",
+        NotDrawn("materials of another program are not drawn"),
+    ),
+    (
+        "extensions.MSFT_texture_dds extensions.EXT_texture_avif",
+        NotDrawn("DDS and AVIF images are not read: the texture's other image is drawn"),
+    ),
 ];
 
 /// Whether a file that requires an extension can be drawn, if only nearly.
 pub(super) fn is_readable(extension: &str) -> bool {
-    let is_draco = extension == "KHR_draco_mesh_compression" && cfg!(not(feature = "packed"));
-    let known = |(path, _): &(&str, Fate)| path.strip_prefix("extensions.") == Some(extension);
-    PROPERTIES.iter().any(known) && !is_draco && !extension.ends_with("_meshopt_compression")
+    let is_packed = matches!(extension, "KHR_draco_mesh_compression" | "EXT_meshopt_compression");
+    let is_unread = extension == "KHR_meshopt_compression" || is_packed && cfg!(not(feature = "packed"));
+    fate::of(PROPERTIES, &format!("extensions.{extension}")).is_some() && !is_unread
 }
 
 /// Notes everything in a file that changes the picture and is not drawn, whatever its value. Values decide on the rest, which the
 /// reader notes.
 pub fn note_all(source: &mut Source, root: &Value) {
-    let mut walk = Walk { fates: PROPERTIES.iter().copied().collect(), found: BTreeMap::new() };
+    let mut walk = Walk { fates: fate::names(PROPERTIES).collect(), found: BTreeMap::new() };
     walk.object(root, &mut String::new(), None);
     for (text, (place, count)) in walk.found {
         let count = if count > 1 { format!(" ({count} in all)") } else { String::new() };

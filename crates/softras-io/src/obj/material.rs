@@ -4,7 +4,7 @@
 
 use super::statement::{self, Statement, before_comment, statements};
 use crate::{
-    fate::{Approximated, Drawn, Fate, NotDrawn, Silent},
+    fate::{self, Approximated, Drawn, Fate, Fates, NotDrawn, Silent},
     find::find,
     notes::Notes,
     source::Source,
@@ -19,56 +19,25 @@ use std::{
 };
 
 /// What becomes of each statement.
-pub const STATEMENTS: &[(&str, Fate)] = &[
-    ("newmtl", Drawn),
-    ("Kd", Drawn),
-    ("d", Drawn),
-    ("Tr", Drawn),
+pub const STATEMENTS: &Fates = &[
+    ("newmtl Kd d Tr map_Kd map_d", Drawn),
     ("Ke", Approximated("emitted light is drawn as colour, which lamps shade")),
-    ("map_Kd", Drawn),
-    ("map_d", Drawn),
     ("map_Ke", NotDrawn("textures of emitted light are not drawn")),
-    ("map_Bump", NotDrawn("bump maps are not drawn")),
-    ("map_bump", NotDrawn("bump maps are not drawn")),
-    ("bump", NotDrawn("bump maps are not drawn")),
-    ("norm", NotDrawn("normal maps are not drawn")),
-    ("map_Kn", NotDrawn("normal maps are not drawn")),
-    ("disp", NotDrawn("displacements are not drawn")),
-    ("map_disp", NotDrawn("displacements are not drawn")),
+    ("map_Bump map_bump bump", NotDrawn("bump maps are not drawn")),
+    ("norm map_Kn", NotDrawn("normal maps are not drawn")),
+    ("disp map_disp", NotDrawn("displacements are not drawn")),
     ("decal", NotDrawn("decals are not drawn")),
-    ("Ka", Silent),
-    ("Ks", Silent),
-    ("Ns", Silent),
-    ("Ni", Silent),
-    ("Tf", Silent),
-    ("Km", Silent),
-    ("illum", Silent),
-    ("sharpness", Silent),
-    ("refl", Silent),
-    ("map_Ka", Silent),
-    ("map_Ks", Silent),
-    ("map_Ns", Silent),
-    ("map_refl", Silent),
-    ("map_aat", Silent),
-    ("Pr", Silent),
-    ("Pm", Silent),
-    ("Ps", Silent),
-    ("Pc", Silent),
-    ("Pcr", Silent),
-    ("aniso", Silent),
-    ("anisor", Silent),
-    ("map_Pr", Silent),
-    ("map_Pm", Silent),
-    ("map_Ps", Silent),
-    ("map_RMA", Silent),
-    ("map_ORM", Silent),
+    (
+        "Ka Ks Ns Ni Tf Km illum sharpness refl map_Ka map_Ks map_Ns map_refl map_aat Pr Pm Ps Pc Pcr aniso \
+         anisor map_Pr map_Pm map_Ps map_RMA map_ORM",
+        Silent,
+    ),
 ];
 
 /// The fate of a statement; keywords of maps are written in upper or lower case.
-fn fate(keyword: &str) -> Option<Fate> {
-    let exact = STATEMENTS.iter().find(|(name, _)| *name == keyword);
-    let same = |(name, _): &&(&str, Fate)| name.contains("map") && name.eq_ignore_ascii_case(keyword);
-    exact.or_else(|| STATEMENTS.iter().find(same)).map(|(_, fate)| *fate)
+fn fate_of(keyword: &str) -> Option<Fate> {
+    let same = |(name, _): &(&str, Fate)| name.contains("map") && name.eq_ignore_ascii_case(keyword);
+    fate::of(STATEMENTS, keyword).or_else(|| fate::names(STATEMENTS).find(same).map(|(_, fate)| fate))
 }
 
 /// All `newmtl` blocks of all files, and the first of each name.
@@ -241,7 +210,7 @@ fn read_library(source: &mut Source, mtl: &Path, materials: &mut Materials) {
         }
         let is_alpha = keyword.eq_ignore_ascii_case("map_d");
         let is_map = is_alpha || keyword.eq_ignore_ascii_case("map_Kd");
-        match fate(keyword) {
+        match fate_of(keyword) {
             Some(Fate::NotDrawn(what)) if !materials.all.is_empty() => {
                 note(format!("{keyword}: {what}"));
                 continue;

@@ -1,9 +1,7 @@
 //! Wavefront OBJ files with their MTL materials and textures, read and written.
 //!
 //! Every `v` statement of the file becomes a vertex of the mesh, in the same order, because meshes are fitted and compared
-//! vertex by vertex. All objects and groups become one mesh. [`Loaded::notes`](crate::Loaded::notes) lists what the file contains and softras does
-//! not draw, except for names, smoothing groups and reflection parameters (`Ka`, `Ks`, `illum`, bump maps, ..), which are
-//! ignored silently.
+//! vertex by vertex. All objects and groups become one mesh.
 
 mod appearance;
 mod material;
@@ -13,10 +11,10 @@ mod texture;
 mod triangles;
 mod write;
 
-#[cfg(test)]
-pub use material::STATEMENTS;
 pub use parse::{FAR_UVS, FARTHEST_UV};
 pub use write::{files_of, png};
+#[cfg(test)]
+pub use {material::STATEMENTS as MATERIAL_STATEMENTS, parse::STATEMENTS};
 
 use crate::source::Source;
 use softras::{Mesh, Result};

@@ -7,13 +7,33 @@
 //! that both read rightly.
 
 use super::statement::{Statement, statements};
-use crate::{fault, fault_at, input, notes::Ignored, source::Source, texture::linear_from_srgb};
+use crate::{
+    fate::{self, Drawn, Fates, NotDrawn, Silent},
+    fault, fault_at, input,
+    notes::Ignored,
+    source::Source,
+    texture::linear_from_srgb,
+};
 use softras::{Result, scene::Mesh};
 use std::{collections::HashMap, path::Path, str::FromStr};
 
 /// The largest magnitude of a texture coordinate; beyond it f32 has too few digits left for the position in an image.
 pub const FARTHEST_UV: f32 = 1e4;
 pub const FAR_UVS: &str = "texture coordinates beyond ±10000 are replaced by 0";
+
+/// What becomes of each statement; `fo` is an old word for `f`.
+pub const STATEMENTS: &Fates = &[
+    ("v vt vn f fo usemtl mtllib", Drawn),
+    ("l", NotDrawn("lines (`l`) are not drawn")),
+    ("p", NotDrawn("points (`p`) are not drawn")),
+    (
+        "vp cstype deg bmat step curv curv2 surf parm trim hole scrv sp end con bsp bzp cdc cdp res",
+        NotDrawn("free-form curves and surfaces are not drawn"),
+    ),
+    ("usemap maplib", NotDrawn("textures beside materials are not drawn")),
+    ("call csh", NotDrawn("other files and commands are not run")),
+    ("o g s mg lod bevel c_interp d_interp shadow_obj trace_obj ctech stech", Silent),
+];
 
 /// The content of an OBJ file.
 #[derive(Default)]
@@ -118,7 +138,7 @@ fn count(text: &str) -> Totals {
             }
             "vt" => totals.uvs += 1,
             "vn" => totals.normals += 1,
-            "f" => {
+            "f" | "fo" => {
                 totals.faces += 1;
                 totals.corners += statement.words().count();
             }
@@ -196,22 +216,18 @@ impl Parser {
         match statement.keyword() {
             "v" => self.vertex(statement)?,
             "vt" => self.uv(statement)?,
-            "f" => self.face(statement)?,
+            "f" | "fo" => self.face(statement)?,
             "usemtl" => self.use_material(statement.rest(), line),
             "mtllib" => self.obj.libraries.push((statement.rest().into(), line)),
             "vn" => self.normal(statement),
-            "l" => self.ignored.add("lines (`l`) are not drawn", line),
-            "p" => self.ignored.add("points (`p`) are not drawn", line),
-            // Names, smoothing groups and display hints do not change the picture.
-            "o" | "g" | "s" | "mg" | "lod" | "bevel" | "c_interp" | "d_interp" => {}
-            "vp" | "cstype" | "deg" | "bmat" | "step" | "curv" | "curv2" | "surf" | "parm" | "trim" | "hole"
-            | "scrv" | "sp" | "end" | "con" => {
-                self.ignored.add("free-form curves and surfaces are not drawn", line);
-            }
-            word => {
-                let word: String = word.chars().take(32).collect();
-                self.ignored.add(format!("unknown statement {word:?} ignored"), line);
-            }
+            word => match fate::of(STATEMENTS, word) {
+                Some(NotDrawn(note)) => self.ignored.add(note, line),
+                Some(_) => {}
+                None => {
+                    let word: String = word.chars().take(32).collect();
+                    self.ignored.add(format!("unknown statement {word:?} ignored"), line);
+                }
+            },
         }
         Ok(())
     }

@@ -6,6 +6,7 @@ mod write;
 pub use write::files_of;
 
 use crate::{
+    fate::{self, Drawn, Fates, NotDrawn, Silent},
     fault,
     find::find,
     obj::{FAR_UVS, FARTHEST_UV},
@@ -23,7 +24,25 @@ use softras::{
 };
 use std::{io::Cursor, mem};
 
-/// The names of what is read of a vertex: position, colour, UV, normal. Where several are given, the first that a file has counts.
+/// What becomes of elements, and of their properties. Of other elements there is a note; other properties are numbers about the mesh.
+pub const PROPERTIES: &Fates = &[
+    (
+        "vertex.x vertex.y vertex.z vertex.nx vertex.ny vertex.nz vertex.red vertex.green vertex.blue vertex.diffuse_red \
+         vertex.diffuse_green vertex.diffuse_blue vertex.r vertex.g vertex.b vertex.s vertex.t vertex.u vertex.v \
+         vertex.texture_u vertex.texture_v face.vertex_indices face.vertex_index face.red face.green face.blue \
+         face.texcoord face.texnumber tristrips.vertex_indices tristrips.vertex_index comment.TextureFile",
+        Drawn,
+    ),
+    ("vertex.alpha vertex.a face.alpha", NotDrawn(ALPHA)),
+    ("edge", NotDrawn("lines are not drawn")),
+    ("material face.material_index", NotDrawn("colours of materials are not drawn")),
+    ("multi_texture_vertex multi_texture_face", NotDrawn("textures of multi_texture_face are not drawn")),
+    ("camera user face.quality face.flags", Silent),
+    ("vertex.quality vertex.confidence vertex.intensity vertex.radius vertex.flags", Silent),
+];
+const ALPHA: &str = "the alpha of colours is not drawn";
+
+/// The names of what is read of a vertex: position, colour, UV, normal, alpha. Where several are given, the first that a file has counts.
 const VERTEX: [&[&str]; VALUES] = [
     &["x"],
     &["y"],
@@ -36,13 +55,12 @@ const VERTEX: [&[&str]; VALUES] = [
     &["nx"],
     &["ny"],
     &["nz"],
+    &["alpha", "a"],
 ];
-const FACE: [&[&str]; 6] =
-    [&["red"], &["green"], &["blue"], &["texnumber"], &["vertex_indices", "vertex_index"], &["texcoord"]];
+const FACE: [&[&str]; 7] =
+    [&["red"], &["green"], &["blue"], &["texnumber"], &["alpha"], &["vertex_indices", "vertex_index"], &["texcoord"]];
 /// The lists of faces among these.
-const LISTS: usize = 4;
-/// Properties that change the picture and are not drawn.
-const NOT_DRAWN: [&str; 2] = ["alpha", "a"];
+const LISTS: usize = 5;
 
 /// What the file holds.
 #[derive(Default)]
@@ -65,6 +83,10 @@ struct Ply {
     short_faces: usize,
     far_uvs: usize,
     not_simple: usize,
+    /// Whether the colours of vertices, and of faces, are floats.
+    in_floats: [bool; 2],
+    /// Vertices and faces that are not opaque.
+    clear: usize,
 }
 
 /// A face that is drawn when all vertices are read.
@@ -86,6 +108,9 @@ pub(super) fn read(source: &mut Source, mut bytes: Vec<u8>) -> Result<Mesh> {
     }
     if ply.far_uvs > 0 {
         source.notes.add(None, format!("{FAR_UVS} ({} in all)", ply.far_uvs));
+    }
+    if ply.clear > 0 {
+        source.notes.add(None, format!("{ALPHA} ({} in all)", ply.clear));
     }
     if ply.not_simple > 0 {
         source.notes.add(None, format!("{} ({} in all)", polygon::NOT_SIMPLE, ply.not_simple));
@@ -129,9 +154,12 @@ fn parse(source: &mut Source, bytes: &[u8]) -> Result<Ply, String> {
             return Err(format!("cut off: it claims {count} rows of {name:?} and holds {} bytes", bytes.len()));
         }
         let mut table = Table::new(element, least);
-        let names = element.properties.iter().map(|property| property.name.as_str());
-        for name in names.filter(|name| NOT_DRAWN.contains(name) && element.count > 0) {
-            source.notes.add(None, format!("property {name:?} of element {:?} is not drawn", element.name));
+        for property in element.properties.iter().filter(|_| element.count > 0) {
+            match fate::of(PROPERTIES, &format!("{}.{}", element.name, property.name)) {
+                // What is opaque says nothing.
+                Some(NotDrawn(note)) if note != ALPHA => source.notes.once(note),
+                _ => {}
+            }
         }
         match element.name.as_str() {
             "vertex" => {
@@ -147,8 +175,10 @@ fn parse(source: &mut Source, bytes: &[u8]) -> Result<Ply, String> {
                 table.read(&mut reader, &mut |row| ply.take_strips(row))?;
             }
             name => {
-                if element.count > 0 && !matches!(name, "material" | "camera" | "user" | "multi_texture_vertex") {
-                    source.notes.add(None, format!("element {name:?} is not read"));
+                match fate::of(PROPERTIES, name).filter(|_| element.count > 0) {
+                    Some(NotDrawn(note)) => source.notes.once(note),
+                    None if element.count > 0 => source.notes.add(None, format!("element {name:?} is not read")),
+                    _ => {}
                 }
                 table.read(&mut reader, &mut |_| Ok(()))?;
             }
@@ -160,15 +190,19 @@ fn parse(source: &mut Source, bytes: &[u8]) -> Result<Ply, String> {
     Ok(ply)
 }
 
+/// The number for 1 of a colour's type, where that is whole.
+fn most(kind: Option<ScalarType>) -> Option<f32> {
+    match kind? {
+        ScalarType::U16 => Some(65535.0),
+        ScalarType::F32 | ScalarType::F64 => None,
+        // Bytes, also in a wider type.
+        _ => Some(255.0),
+    }
+}
+
 /// How a colour's numbers are read: bytes as those of pictures, others as they are.
 fn shade(kind: Option<ScalarType>, srgb: bool) -> impl Fn(f64) -> f32 {
-    let most = match kind {
-        Some(ScalarType::U8) => Some(255.0),
-        Some(ScalarType::U16) => Some(65535.0),
-        // Bytes in a wider type.
-        Some(ScalarType::I8 | ScalarType::I16 | ScalarType::I32 | ScalarType::U32) => Some(255.0),
-        _ => None,
-    };
+    let most = most(kind);
     move |x| match most {
         Some(most) if srgb => linear_from_srgb(x as f32 / most),
         Some(most) => x as f32 / most,
@@ -184,8 +218,10 @@ impl Ply {
         }
         let (colored, mapped, curved) = (table.has(3..6), table.has(6..8), table.has(8..11));
         let shade = shade(table.kind(3), srgb);
+        self.in_floats[0] = most(table.kind(3)).is_none();
+        let (has_alpha, opaque) = (table.has(11..12), most(table.kind(11)).unwrap_or(1.0).into());
         Ok(move |row: &Row| {
-            let [x, y, z, r, g, b, u, v, normal @ ..] = row.values;
+            let [x, y, z, r, g, b, u, v, nx, ny, nz, alpha] = row.values;
             self.positions.push([x, y, z]);
             if colored {
                 self.colors.push([r, g, b].map(&shade));
@@ -195,8 +231,9 @@ impl Ply {
                 self.uvs.push(uv);
             }
             if curved {
-                self.normals.push(normal.map(|x| x as f32));
+                self.normals.push([nx, ny, nz].map(|x| x as f32));
             }
+            self.clear += usize::from(has_alpha && alpha < opaque);
             Ok(())
         })
     }
@@ -208,10 +245,13 @@ impl Ply {
         }
         let (colored, numbered, mapped) = (table.has(0..3), table.has(3..4), table.has(LISTS + 1..LISTS + 2));
         let shade = shade(table.kind(0), srgb);
+        self.in_floats[1] = most(table.kind(0)).is_none();
+        let (has_alpha, opaque) = (table.has(4..5), most(table.kind(4)).unwrap_or(1.0).into());
         let mut number = 0;
         // A row may come before the vertices that it names, and is drawn when all are read.
         Ok(move |row: &Row| {
             number += 1;
+            self.clear += usize::from(has_alpha && row.values[4] < opaque);
             let color = colored.then(|| [row.values[0], row.values[1], row.values[2]].map(&shade));
             let corners = &row.lists[LISTS];
             let uvs = mapped.then(|| &row.lists[LISTS + 1][..]);
@@ -274,16 +314,19 @@ impl Ply {
         Ok(())
     }
 
-    /// Floats from 0 to 255 are colours in bytes.
+    /// Floats are as bright as the same shares in a picture; up to 255 they are bytes.
     fn settle_colors(&mut self, source: &mut Source) {
-        for colors in [&mut self.colors, &mut self.face_colors] {
+        for (colors, _) in
+            [&mut self.colors, &mut self.face_colors].into_iter().zip(self.in_floats).filter(|(_, is)| *is)
+        {
             let bright = colors.iter().filter(|color| color.iter().any(|x| *x > 1.0)).count();
-            if bright * 2 > colors.len() && colors.as_flattened().iter().all(|x| (0.0..=255.0).contains(x)) {
+            let is_bytes = bright * 2 > colors.len() && colors.as_flattened().iter().all(|x| (0.0..=255.0).contains(x));
+            if is_bytes {
                 source.notes.add(None, "colours up to 255 are divided by 255");
-                let srgb = source.options.srgb;
-                let one = |x: f32| if srgb { linear_from_srgb(x / 255.0) } else { x / 255.0 };
-                colors.iter_mut().for_each(|color| *color = color.map(one));
             }
+            let share = |x: f32| if is_bytes { x / 255.0 } else { x };
+            let one = |x: f32| if source.options.srgb { linear_from_srgb(share(x)) } else { share(x) };
+            colors.iter_mut().for_each(|color| *color = color.map(one));
         }
     }
 

@@ -33,13 +33,13 @@ enum Column {
 }
 
 /// The most names that a table chooses from.
-pub(super) const VALUES: usize = 11;
+pub(super) const VALUES: usize = 12;
 
 /// The values of a row that are read, by their index in the list of names.
 #[derive(Default)]
 pub(super) struct Row {
     pub values: [f64; VALUES],
-    pub lists: [Vec<f64>; 6],
+    pub lists: [Vec<f64>; 7],
 }
 
 /// The columns of an element, and which of them are read.

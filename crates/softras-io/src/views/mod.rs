@@ -441,6 +441,12 @@ fn read_cameras(path: &Path, fov: f64, budget: &Budget) -> Result<Vec<Camera>> {
         [n, 3] => (0..n).map(|c| official([0, 1, 2].map(|i| row(3 * c, i)), fov)).collect(),
         [n, 4, 4] => {
             let matrix = |c: usize| DMat4::from_cols_array(&std::array::from_fn(|i| row(16 * c, i))).transpose();
+            if let Some(c) = (0..n).find(|&c| matrix(c).determinant() > 0.0) {
+                let what =
+                    format!("the matrix of camera {c} mirrors: y points down as OpenCV's, or z backward as OpenGL's");
+                let fix = "give x right, y up and z forward: negate row 1 of OpenCV's, row 2 of OpenGL's, from 0 on";
+                return refuse(path, what, fix);
+            }
             (0..n).map(|c| Camera::from_matrix(matrix(c), perspective(fov))).collect()
         }
         ref shape => {

@@ -9,6 +9,7 @@
 pub mod error;
 pub mod floor;
 mod mode;
+pub mod needles;
 mod peak;
 pub mod subject;
 pub mod sweep;

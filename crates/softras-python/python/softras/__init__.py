@@ -24,8 +24,8 @@ from ._softras import (
     voxelize,
 )
 from .errors import Error
-from .fitting import FitResult, Pose, fit, pose
-from .rendering import Fragments, backward, default_renderer, fragments, render
+from .fitting import FitResult, Pose, deform, fit, pose
+from .rendering import Check, Fragments, backward, check, default_renderer, fragments, render
 from .settings import DirectionalLight, Lights, Settings
 from .views import Fitted, Picture, Views, load_views, view
 
@@ -33,6 +33,7 @@ __version__ = "0.1.0"
 
 __all__ = [
     "Camera",
+    "Check",
     "DirectionalLight",
     "Error",
     "FitResult",
@@ -50,6 +51,8 @@ __all__ = [
     "Views",
     "backward",
     "blurred_mask",
+    "check",
+    "deform",
     "default_renderer",
     "errors",
     "fit",

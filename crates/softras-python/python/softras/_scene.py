@@ -14,7 +14,7 @@ import numpy as np
 from . import reference
 from ._softras import Camera, Frame, Mesh, Renderer
 from .errors import InputError
-from .rendering import default_renderer
+from .rendering import batched, default_renderer
 from .settings import DirectionalLight, Lights, Settings
 
 IMAGES = ("color", "silhouette", "depth", "normal")
@@ -79,6 +79,8 @@ class Scene:
     lights: Lights
     mode: str
     renderer: Optional[Renderer]
+    #: What the last render kept for gradients.
+    frame: Any = None
 
     def meshes(self, arrays: Sequence[np.ndarray]) -> List[Mesh]:
         """The meshes with the arrays' values."""
@@ -169,12 +171,13 @@ class _Reference:
 def render(scene: Scene, arrays: Sequence[np.ndarray], save: bool) -> Union[Frame, _Reference]:
     """A frame of the arrays' values, by the reference device where the positions are in double precision."""
     values = {one.name: array for one, array in zip(scene.inputs, arrays) if one.name not in _OF_MESH}
-    meshes, cameras = scene.meshes(arrays), scene.seen(values)
+    own = scene.meshes(arrays)
+    meshes, cameras = batched(own, scene.seen(values))
     settings, lights = scene.set(values), scene.lit(values)
     if arrays[0].dtype != np.float64:
         return (scene.renderer or default_renderer()).render(meshes, cameras, settings, lights, save=save)
     exact: Dict[str, list] = {"positions": [], "colors": []}
-    for i in range(len(meshes)):
+    for i in [i for i in range(len(own)) for _ in range(len(meshes) // len(own))]:
         for one, array in zip(scene.inputs, arrays):
             if one.name in exact and one.belongs_to(i):
                 exact[one.name].append(one.part(array, i))
@@ -200,14 +203,21 @@ def _of_texture(mesh, index: int, channels: int) -> np.ndarray:
     return np.concatenate([texels, np.zeros((*texels.shape[:2], 1)) if alpha is None else alpha[..., None]], -1)
 
 
-def _gradient(one: Input, found, array: np.ndarray) -> np.ndarray:
+def _gradient(one: Input, found, array: np.ndarray, meshes: int) -> np.ndarray:
     """The gradient by one of the inputs."""
     if one.name in _OF_MESH:
-        chosen = [found.meshes[one.of]] if isinstance(one.of, int) else found.meshes
-        if one.name == "textures":
-            parts = [_of_texture(mesh, one.texture, array.shape[-1]) for mesh in chosen]
-        else:
-            parts = [getattr(mesh, one.name) for mesh in chosen]
+        # How often each mesh is in the frame.
+        times = len(found.meshes) // meshes
+
+        def part(i: int) -> np.ndarray:
+            seen = found.meshes[i * times : (i + 1) * times]
+            if one.name == "textures":
+                parts = [_of_texture(mesh, one.texture, array.shape[-1]) for mesh in seen]
+            else:
+                parts = [getattr(mesh, one.name) for mesh in seen]
+            return parts[0] if times == 1 else np.sum(parts, 0)
+
+        parts = [part(one.of)] if isinstance(one.of, int) else [part(i) for i in range(meshes)]
         return np.stack(parts) if one.of == "each" else parts[0] if len(parts) == 1 else np.sum(parts, 0)
     if one.name == "views":
         return _by_views(found.twists, array)
@@ -238,7 +248,7 @@ def differentiate(
     by = sorted({_BY[input.name] for input, one in zip(scene.inputs, needed) if one})
     found = frame.backward(by=by, mode=scene.mode, **given)
     rows = zip(scene.inputs, needed, arrays)
-    return [np.ascontiguousarray(_gradient(input, found, array)) if one else None for input, one, array in rows]
+    return [np.ascontiguousarray(_gradient(input, found, array, len(scene.templates))) if one else None for input, one, array in rows]
 
 
 def _collect(name: str, value, meshes: int, kind: Type[Any]) -> List[Tuple[Input, Any]]:
@@ -320,11 +330,14 @@ def build(
     uv_faces = _for_each("uv_faces", constants["uv_faces"], meshes, 2, host)
     of_triangle = _for_each("texture_of_triangle", constants["texture_of_triangle"], meshes, 1, host)
     looks = [Look(uvs, of, constants["wrap"]) for uvs, of in zip(uv_faces, of_triangle)]
+    seen = [cameras] if isinstance(cameras, Camera) else list(cameras)
+    if not any(name in tensors for name in _OF_CAMERAS) and len(seen) == 1:
+        seen = seen * meshes
     scene = Scene(
         inputs=[one for one, _ in collected],
         templates=_templates(faces, meshes, host),
         looks=looks,
-        cameras=[cameras] if isinstance(cameras, Camera) else list(cameras),
+        cameras=seen,
         settings=constants["settings"] or Settings(),
         lights=constants["lights"] or Lights(),
         mode=constants["mode"],

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Callable, Dict, Literal, Optional, Tuple, Union
+from typing import Any, Dict, Literal, Optional, Tuple, Union, overload
 
 import numpy as np
 
 from . import _softras
 from ._softras import Camera, Mesh, Renderer
+from .errors import InputError
+from .progress import Progress, shown
 from .rendering import default_renderer
 from .settings import Lights, Settings
-
-Progress = Callable[[int, float], None]
+from .views import Fitted, Views
 
 
 @dataclasses.dataclass(frozen=True)
@@ -31,9 +32,22 @@ class FitResult:
         return f"FitResult({self.mesh!r}, loss {self.losses['loss'][self.step]:.6g} at step {self.step})"
 
 
-def fit(
+@overload
+def fit(mesh: Views, **options: Any) -> Fitted: ...
+@overload
+def fit(mesh: Mesh, cameras: Any, **options: Any) -> FitResult: ...
+def fit(mesh, cameras=None, **options):
+    """`fit(views, ...)` is `Views.fit`; `fit(mesh, cameras, ...)` is `deform`."""
+    if isinstance(mesh, Views):
+        if cameras is not None:
+            raise InputError("cameras of views: views have their own, give options by name")
+        return mesh.fit(**options)
+    return deform(mesh, cameras, **options)
+
+
+def deform(
     mesh: Mesh,
-    cameras,
+    cameras: Any,
     *,
     silhouette=None,
     color=None,
@@ -53,7 +67,7 @@ def fit(
     views_per_step: int = 0,
     settings: Optional[Settings] = None,
     lights: Optional[Lights] = None,
-    progress: Optional[Progress] = None,
+    progress: Progress = None,
     renderer: Optional[Renderer] = None,
 ) -> FitResult:
     """Deforms a mesh, and recolours it, until its renderings match images.
@@ -64,7 +78,8 @@ def fit(
     with their neighbours, for any template) or "official" (the demo's logit displacements). `fit_colors` is on where `color`
     is given; then a mesh of one colour has that colour at every vertex to begin with, and fit_colors="one" keeps it one. `views_per_step` views are compared in a step, others in each, or all with 0; the losses of a step are those of its
     views. `settings` default to depths close around the template and a composite background; size and outputs are the
-    targets'. `progress(step, loss)` is called after every step; an exception of it, Ctrl-C too, ends the fit.
+    targets'. `progress(step, loss)` is called after every step; True draws a bar by tqdm. An exception of it,
+    Ctrl-C too, ends the fit.
 
     Raises FitError for targets that do not fit together, and what `Renderer.render` raises.
     """
@@ -75,7 +90,8 @@ def fit(
     plan["fit_colors"] = bool(fit_colors)
     if fit_colors is True and mesh.colors is not None and mesh.colors.ndim == 1:
         mesh = mesh.with_look(colors=np.tile(mesh.colors, (len(mesh.positions), 1)))
-    best, step, last, losses = _softras.fit(mesh, renderer or default_renderer(), plan, progress)
+    with shown(progress, steps) as told:
+        best, step, last, losses = _softras.fit(mesh, renderer or default_renderer(), plan, told)
     return FitResult(best, step, last, losses)
 
 
@@ -115,7 +131,7 @@ def pose(
     start=None,
     center=None,
     settings: Optional[Settings] = None,
-    progress: Optional[Progress] = None,
+    progress: Progress = None,
     renderer: Optional[Renderer] = None,
 ) -> Pose:
     """Finds the rotation and translation of a rigid mesh from one unlit image on black.
@@ -126,6 +142,7 @@ def pose(
     """
     # The arguments by name.
     plan = dict(locals())
-    found = _softras.pose(mesh, camera, renderer or default_renderer(), plan, progress)
+    with shown(progress, steps) as told:
+        found = _softras.pose(mesh, camera, renderer or default_renderer(), plan, told)
     rotation, translation, center, loss, equally_good = found
     return Pose(np.array(rotation), np.array(translation), np.array(center), loss, equally_good)

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import os
 import threading
-from typing import Any, NamedTuple, Sequence, Union
+from typing import Any, Dict, List, NamedTuple, Sequence, Tuple, Union
 
 import numpy as np
 
+from . import _softras
 from ._softras import Camera, Frame, Gradients, Mesh, Renderer
 from .settings import Lights, Settings
 
@@ -41,6 +42,17 @@ if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_after_fork)
 
 
+def batched(meshes: Sequence[Mesh], cameras: Sequence[Camera]) -> Tuple[List[Mesh], List[Camera]]:
+    """Several meshes and one camera for each: one camera that all of them have, or as many in turn for each mesh."""
+    meshes, cameras = list(meshes), list(cameras)
+    if len(meshes) > 1 and len(cameras) == 1:
+        cameras = cameras * len(meshes)
+    each, rest = divmod(len(cameras), max(len(meshes), 1))
+    if len(meshes) > 1 and each > 1 and not rest:
+        meshes = [mesh for mesh in meshes for _ in range(each)]
+    return meshes, cameras
+
+
 def render(
     meshes: Meshes,
     cameras: Cameras,
@@ -50,7 +62,14 @@ def render(
     save: bool = False,
     renderer: Renderer | None = None,
 ) -> Frame:
-    """Renders one mesh from every camera, or a list of meshes from one camera each. See `Renderer.render`."""
+    """Renders one mesh from every camera, or a list of B meshes from one camera each. See `Renderer.render`.
+
+    B meshes may also have one camera for all, or B·N, of which each mesh has N in turn: then the frame has B·N meshes.
+    """
+    if not isinstance(meshes, Mesh) and not isinstance(cameras, Camera):
+        meshes, cameras = batched(meshes, cameras)
+    elif not isinstance(meshes, Mesh):
+        meshes, cameras = batched(meshes, [cameras])
     return (renderer or default_renderer()).render(meshes, cameras, settings, lights, save=save)
 
 
@@ -79,3 +98,31 @@ def fragments(
     gradient; `softras.torch.interpolate` interpolates any values of the vertices with one. Raises what `Renderer.render` raises.
     """
     return Fragments(*(renderer or default_renderer()).fragments(meshes, cameras, settings))
+
+
+class Check(NamedTuple):
+    """A device beside the reference in one small scene."""
+
+    name: str
+    #: The largest error of color, silhouette, depth and normal; those that the scene has.
+    images: Dict[str, float]
+    #: The relative error of the gradients by vertices, colours and so on.
+    gradients: Dict[str, float]
+    #: Whether a second run gave the same bits.
+    repeats: bool
+    #: Whether the bits repeat and all errors are small enough.
+    passes: bool
+
+
+_IMAGES = ("color", "silhouette", "depth", "normal")
+_GRADIENTS = ("positions", "colors", "texels", "uvs", "cameras", "lights", "background", "scalars")
+
+
+def check(renderer: Renderer | None = None) -> List[Check]:
+    """Compares the device with the reference on small scenes that cover the model, as `softras check` does."""
+
+    def named(names, errors) -> Dict[str, float]:
+        return {name: error for name, error in zip(names, errors) if error is not None}
+
+    found = _softras.check(renderer or default_renderer())
+    return [Check(name, named(_IMAGES, images), named(_GRADIENTS, by), *rest) for name, images, by, *rest in found]

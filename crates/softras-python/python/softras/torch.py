@@ -4,7 +4,8 @@
 background, sigma and gamma; `Rasterizer` is the same as a module. CPU tensors are read without a copy; CUDA tensors are copied
 to the host and back, since the renderer has a device of its own. Vertices in float64 are rendered by the reference device, the
 model in double precision on the host, which is slow and meant for `torch.autograd.gradcheck`. A graph may hold any number of
-frames. The function is not differentiable twice.
+frames, and `torch.func.grad` takes it. The function is not differentiable twice, and an input that the loss does not depend on gets no
+gradient.
 """
 
 from __future__ import annotations
@@ -16,10 +17,36 @@ import torch
 
 from . import _scene
 from ._softras import Camera, Renderer
-from .rendering import default_renderer
+from .rendering import batched, default_renderer
+from .losses import (
+    chamfer_distance,
+    edge_length_loss,
+    flatten_loss,
+    laplacian_loss,
+    normal_consistency_loss,
+    sample_surface,
+)
 from .settings import Lights, Settings
 
 Tensors = Union[torch.Tensor, Sequence[torch.Tensor]]
+
+__all__ = [
+    "Fragments",
+    "Images",
+    "Rasterizer",
+    "chamfer_distance",
+    "edge_length_loss",
+    "flatten_loss",
+    "fragments",
+    "interpolate",
+    "iou_loss",
+    "laplacian_loss",
+    "look_at",
+    "normal_consistency_loss",
+    "render",
+    "rigid_motion",
+    "sample_surface",
+]
 
 
 class Images(NamedTuple):
@@ -36,37 +63,63 @@ class Images(NamedTuple):
 
 
 def _host(value) -> np.ndarray:
-    return value.detach().cpu().numpy() if isinstance(value, torch.Tensor) else np.asarray(value)
+    if not isinstance(value, torch.Tensor):
+        return np.asarray(value)
+    # Nothing is called that need not be: within `torch.func` results are wrapped, and constants have no `numpy`.
+    value = value.detach() if value.requires_grad else value
+    value = value if value.device.type == "cpu" else value.cpu()
+    # numpy has no bfloat16.
+    value = value.float() if value.dtype in (torch.bfloat16, torch.float16) else value
+    try:
+        return value.numpy()
+    except RuntimeError:
+        return np.from_dlpack(value)
 
 
 class _Render(torch.autograd.Function):
     @staticmethod
-    def forward(ctx, scene: _scene.Scene, *tensors: torch.Tensor):
-        ctx.set_materialize_grads(False)
-        save = any(ctx.needs_input_grad)
+    def forward(scene: _scene.Scene, save: bool, *tensors: torch.Tensor):
         frame = _scene.render(scene, [_host(tensor) for tensor in tensors], save)
+        scene.frame = frame if save else None
+        images = [getattr(frame, name) for name in _scene.IMAGES]
+        return tuple(torch.from_numpy(image).to(tensors[0].device) for image in images if image is not None)
+
+    @staticmethod
+    def setup_context(ctx, inputs, output):
+        ctx.set_materialize_grads(False)
+        ctx.scene, save, *tensors = inputs
         if save:
             # A leaf that is changed in place before backward is an error, as everywhere in torch.
             ctx.save_for_backward(*tensors)
-            ctx.scene, ctx.frame = scene, frame
-        images = [(name, getattr(frame, name)) for name in _scene.IMAGES]
-        ctx.names = [name for name, image in images if image is not None]
-        device = tensors[0].device
-        return tuple(torch.from_numpy(image).to(device) for _, image in images if image is not None)
 
     @staticmethod
-    @torch.autograd.function.once_differentiable
     def backward(ctx, *upstream):
-        tensors, wanted = ctx.saved_tensors, ctx.needs_input_grad[1:]
-        given = {name: _host(gradient) for name, gradient in zip(ctx.names, upstream) if gradient is not None}
-        found = _scene.differentiate(ctx.scene, ctx.frame, [_host(tensor) for tensor in tensors], wanted, given)
+        names = [name for name in _scene.IMAGES if name in ctx.scene.settings.outputs]
+        given = {name: gradient for name, gradient in zip(names, upstream) if gradient is not None}
+        task = (ctx.scene, ctx.needs_input_grad[2:], tuple(given))
+        return (None, None, *_Gradient.apply(task, *given.values(), *ctx.saved_tensors))
 
-        def one(tensor, gradient):
-            if gradient is None:
-                return torch.zeros_like(tensor)
-            return torch.from_numpy(gradient).to(tensor).reshape(tensor.shape)
 
-        return (None, *(one(*pair) if needed else None for needed, *pair in zip(wanted, tensors, found)))
+class _Gradient(torch.autograd.Function):
+    """The gradients as a function of their own, of which `torch.func` takes off its wrappers."""
+
+    @staticmethod
+    def forward(task, *tensors: torch.Tensor):
+        scene, wanted, names = task
+        given, inputs = tensors[: len(names)], tensors[len(names) :]
+        upstream = dict(zip(names, map(_host, given)))
+        found = _scene.differentiate(scene, scene.frame, [_host(tensor) for tensor in inputs], wanted, upstream)
+        # None where the loss depends on nothing: torch then leaves out what made the input.
+        rows = zip(inputs, found)
+        return tuple(None if one is None else torch.from_numpy(one).to(x).reshape(x.shape) for x, one in rows)
+
+    @staticmethod
+    def setup_context(ctx, inputs, output):
+        pass
+
+    @staticmethod
+    def backward(ctx, *upstream):
+        raise RuntimeError("softras is not differentiable twice: leave out create_graph")
 
 
 @torch.compiler.disable
@@ -90,8 +143,8 @@ def render(
 ) -> Images:
     """Renders meshes to tensors.
 
-    `vertices` is [V, 3] for one mesh that all cameras see, [B, V, 3] for B meshes with one camera each, or a list of tensors
-    for meshes of different sizes. `faces` is [F, 3] integers for all meshes, [B, F, 3], a list, or a `softras.Mesh` whose
+    `vertices` is [V, 3] for one mesh that all cameras see, [B, V, 3] for B meshes with one camera each, one for all, or B·N, of which each
+    mesh has N in turn; or a list of tensors for meshes of different sizes. `faces` is [F, 3] integers for all meshes, [B, F, 3], a list, or a `softras.Mesh` whose
     triangles and appearance are used. `colors` is [3] or [V, 3], `surface` [F, R², 3], `uvs` [U, 2] and `textures`
     [height, width, 3 or 4 with alpha] for one mesh; with one more dimension, or as a list, each mesh has its own.
 
@@ -114,7 +167,8 @@ def render(
     constants = {"uv_faces": uv_faces, "texture_of_triangle": texture_of_triangle, "wrap": wrap}
     constants.update(settings=settings, lights=lights, mode=mode, renderer=renderer)
     scene, flat = _scene.build(given, tensors, faces, cameras, constants, torch.Tensor, _host)
-    images = iter(_Render.apply(scene, *flat))
+    save = torch.is_grad_enabled() and any(tensor.requires_grad for tensor in flat)
+    images = iter(_Render.apply(scene, save, *flat))
     return Images(*(next(images) if name in scene.settings.outputs else None for name in _scene.IMAGES))
 
 
@@ -140,8 +194,8 @@ def fragments(
     constants.update(settings=settings, lights=None, renderer=renderer)
     given = {"positions": vertices, "textures": None}
     scene, flat = _scene.build(given, {}, faces, cameras, constants, torch.Tensor, _host)
-    meshes = scene.meshes([_host(tensor) for tensor in flat])
-    found = (renderer or default_renderer()).fragments(meshes, scene.cameras, scene.settings)
+    meshes, seen = batched(scene.meshes([_host(tensor) for tensor in flat]), scene.cameras)
+    found = (renderer or default_renderer()).fragments(meshes, seen, scene.settings)
     return Fragments(*(torch.from_numpy(array).to(first.device) for array in found))
 
 
@@ -202,14 +256,3 @@ def iou_loss(prediction: torch.Tensor, target: torch.Tensor) -> torch.Tensor:
     product = prediction * target
     union = (prediction + target - product).flatten(1).sum(1) + 1e-6
     return 1.0 - (product.flatten(1).sum(1) / union).mean()
-
-
-def laplacian_loss(vertices: torch.Tensor, faces: torch.Tensor) -> torch.Tensor:
-    """Σ |p - mean of its neighbours|² over the vertices [V, 3] of a mesh, as in the official code."""
-    edges = torch.cat([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]).long().to(vertices.device)
-    edges = torch.unique(torch.cat([edges, edges.flip(1)]), dim=0)
-    count = torch.bincount(edges[:, 0], minlength=len(vertices)).clamp(min=1)
-    sums = torch.zeros_like(vertices).index_add(0, edges[:, 0], vertices[edges[:, 1]])
-    alone = torch.bincount(edges[:, 0], minlength=len(vertices)) == 0
-    offsets = vertices - torch.where(alone[:, None], vertices, sums / count[:, None].to(vertices))
-    return offsets.pow(2).sum()

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import dataclasses
 import os
-from typing import Any, Callable, Dict, List, Optional, Sequence, Tuple, Union
+import warnings
+from typing import Any, Dict, List, Optional, Sequence, Tuple, Union
 
 import numpy as np
 
 from . import _softras
+from ._rebuild import linear
 from ._softras import Camera, Mesh, Renderer
+from .progress import Progress, shown
 from .rendering import default_renderer
 
 Range = Tuple[float, float]
@@ -25,7 +28,11 @@ class Picture(np.ndarray):
     delay = 4
 
     def save(self, path: Union[str, "os.PathLike[str]"]) -> None:
-        """Writes a picture as .png, or frames as .gif. Raises IoError, InputError."""
+        """Writes a picture as .png, or as .exr of its linear light (premultiplied), or frames as .gif. Raises IoError, InputError."""
+        if self.ndim == 3 and os.fspath(path).lower().endswith(".exr"):
+            light = linear(np.asarray(self))
+            light[..., :3] *= light[..., 3:]
+            return _softras.save_exr(os.fspath(path), light)
         frames = np.ascontiguousarray(self if self.ndim == 4 else self[None], np.uint8)
         _softras.save_pictures(os.fspath(path), frames, self.delay)
 
@@ -123,7 +130,7 @@ class Views:
         crop: int = 192,
         hold_out: Optional[int] = None,
         edge: Optional[Range] = None,
-        progress: Optional[Callable[[int, float], None]] = None,
+        progress: Progress = None,
         renderer: Optional[Renderer] = None,
     ) -> Fitted:
         """Finds the mesh that looks like the views, as `softras fit` does.
@@ -132,15 +139,17 @@ class Views:
         with `begin`: a "hull", a "sphere", or "auto", a hull from six views on. What is None is chosen by the method and by what it
         begins with. Views that do not agree with the others are left out, and holes that one mask alone shows filled, each with a note,
         unless `keep_views`. Cameras that the silhouettes show to be off are refined, with a note, unless `keep_cameras`. Exposures
-        that differ are leveled unless `keep_exposure`. Pictures are cropped to the object and have at most `crop` pixels a side, 0 keeps
-        them as they are; a texture is taken of the pictures as given. `hold_out` views
-        are not fitted and judge the result; None is an eighth of twelve views or more, at most three. `progress(step, loss)` is called after every step; an exception of it, Ctrl-C too, ends the fit.
+        that differ are leveled unless `keep_exposure`. Pictures are cropped to the object and have at most `crop` pixels a side; 0
+        keeps them as they are. A texture is taken of the pictures as given. `hold_out` views are not fitted and judge the result;
+        None is an eighth of twelve views or more, at most three. `progress(step, loss)` is called after every step; True draws a
+        bar by tqdm. An exception of it, Ctrl-C too, ends the fit.
 
         Raises FitError, and what `Renderer.render` raises.
         """
         # The arguments by name, and the views' images, whose colours take the place of the argument's name.
         plan = {**locals(), "fit_colors": color, **vars(self)}
-        return Fitted(*_softras.fit_views(renderer or default_renderer(), plan, progress))
+        with shown(progress, steps) as told:
+            return Fitted(*_softras.fit_views(renderer or default_renderer(), plan, told))
 
 
 def load_views(
@@ -156,9 +165,9 @@ def load_views(
     """Reads a folder of pictures with a file of their cameras, or a .npy file of images, as `softras fit --views` does.
 
     Cameras are in cameras.json, transforms.json (NeRF) or COLMAP's text; `fov` is the vertical angle of view in degrees of those
-    whose file does not give one. `depths` and `normals` are folders of maps. Raises IoError, FileError.
+    whose file does not give one. `depths` and `normals` are folders of maps. What the reader notes is a warning. Raises IoError, FileError.
     """
-    read, images = _softras.load_views(
+    read, images, notes = _softras.load_views(
         path,
         cameras=cameras,
         fov=fov,
@@ -167,4 +176,6 @@ def load_views(
         normals=normals,
         allow_outside=allow_outside,
     )
+    for note in notes:
+        warnings.warn(note, stacklevel=2)
     return Views(read, *images)

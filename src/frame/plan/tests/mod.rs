@@ -139,7 +139,7 @@ fn a_backward_pass_takes_the_memory_of_the_formula() {
             || by_normal
             || !per_vertex && (wanted.positions || by_color);
         let q = 3 + when(by_color, 3) + when(by_uv, 2) + when(by_normal, 3);
-        let expected = 16 * p * (when(shaded, 2) + when(upstream.normal, 1))
+        let expected = 16 * p * (when(shaded, 1) + when(upstream.normal || (upstream.depth && upstream.color), 1))
             + when(outlined, 4 * p)
             + items * (16 * q + 4 + when(shaded, 16) + when(outlined, 16))
             + when(corners || !per_vertex, 16 * s * (3 + when(by_color, 3) + when(by_uv, 2)))

@@ -11,7 +11,7 @@ use args::{Fit, RenderArgs};
 use report::Report;
 use softras::{Mesh, Renderer, Settings};
 use softras_io::{Budget, Loaded, PictureFormat};
-use softras_view::{Alpha, CameraOptions, Developed, Image, Output, Studio, other_axis, shrunk};
+use softras_view::{Alpha, CameraOptions, Developed, Image, Output, Studio, shrunk, z_is_up};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -25,11 +25,16 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
     let mut notes = std::mem::take(&mut loaded.notes);
     let camera = upright(args, &loaded.mesh, &mut notes).relative_to(loaded.origin);
     let mut stage = Stage::new(args, camera, loaded, &targets, &mut notes)?;
-    let misses = stage.studio.viewpoint(0.0).misses(stage.studio.bounds());
-    if misses {
-        notes.push("the mesh lies wholly outside the depths that this camera draws".into());
-        notes.last().into_iter().for_each(|text| note(text));
-    }
+    let view = stage.studio.viewpoint(0.0);
+    let (misses, cut) = (view.misses(stage.studio.bounds()), view.cut(stage.studio.mesh()));
+    let outside = if misses {
+        Some("the mesh lies wholly outside the depths that this camera draws".to_string())
+    } else {
+        let text = || format!("{cut} triangles lie before near ({:.3}) and are cut there: lower --near", view.near);
+        (cut > 0).then(text)
+    };
+    outside.iter().for_each(|text| note(text));
+    notes.extend(outside);
     let mut report = Report::new(&stage, notes);
     if args.turntable.is_some() || args.sweep.is_some() {
         animation::run(&mut stage, &targets, &mut report)?;
@@ -79,12 +84,9 @@ fn upright(args: &RenderArgs, mesh: &Mesh, notes: &mut Vec<String>) -> CameraOpt
     if is_given || ending == "gltf" || ending == "glb" {
         return camera;
     }
-    if let Some(axis) = other_axis(mesh) {
-        let mut up = [0.0; 3];
-        up[axis] = 1.0;
-        camera.up = Some(up);
-        let name = ["x", "y", "z"][axis];
-        notes.push(format!("the mesh stands on its lowest {name}, so {name} is taken to be up; --up 0,1,0 for y"));
+    if z_is_up(mesh) {
+        camera.up = Some([0.0, 0.0, 1.0]);
+        notes.push("the mesh stands or lies on its lowest z, so z is taken to be up; --up 0,1,0 for y".into());
         notes.last().into_iter().for_each(|text| note(text));
     }
     camera

@@ -291,3 +291,20 @@ fn binary_models_of_colmap_are_those_of_text() {
     let error = read(folder.path(), Some(&folder.path().join("sparse")), 30.0).unwrap_err().to_string();
     assert!(error.contains("images.bin") && error.contains("colmap model_converter"), "{error}");
 }
+
+#[test]
+fn arrays_of_another_convention_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("c.npy");
+    let read = |axes: [f64; 3]| {
+        let view = DMat4::from_scale(DVec3::from(axes)).to_cols_array();
+        fs::write(&path, crate::npy::write(&[1, 4, 4], crate::npy::Data::F64(&view))).unwrap();
+        crate::views::read_cameras(&path, 30.0, &crate::Budget::new(None))
+    };
+    assert!(read([1.0, 1.0, -1.0]).is_ok_and(|cameras| cameras.len() == 1));
+    // With y down as well, and with z backward as well.
+    for axes in [[1.0, -1.0, -1.0], [1.0, 1.0, 1.0]] {
+        let error = read(axes).unwrap_err().to_string();
+        assert!(error.contains("camera 0 mirrors") && error.contains("negate row 1 of OpenCV's"), "{error}");
+    }
+}

@@ -159,11 +159,17 @@ fn statements_of_obj_are_read_as_others_read_them() {
 fn vertex_colours_of_obj_are_as_bright_as_those_of_ply() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.obj");
-    fs::write(&path, "v 0 0 0 .5 .5 .5\nv 1 0 0 .5 .5 .5\nv 0 1 0 .5 .5 .5\nf 1 2 3\n").unwrap();
-    let mesh = softras_io::load(&path).unwrap();
-    let Appearance::VertexColors(found) = mesh.appearance() else { panic!() };
-    assert!((found[0][0] - 0.214_041).abs() < 1e-5, "{found:?}");
-    softras_io::save(&mesh, &path).unwrap();
+    let list = "property list uchar int vertex_indices";
+    let head = ["x", "y", "z", "red", "green", "blue"].map(|name| format!("property float {name}\n")).concat();
+    let head = format!("ply\nformat ascii 1.0\nelement vertex 3\n{head}element face 1\n{list}\nend_header\n");
+    let body = ["0 0 0 .5 .5 .5\n", "1 0 0 .5 .5 .5\n", "0 1 0 .5 .5 .5\n"];
+    let loaded =
+        [head + &body.concat() + "3 0 1 2\n", body.map(|row| format!("v {row}")).concat() + "f 1 2 3\n"].map(|text| {
+            fs::write(&path, text).unwrap();
+            softras_io::load_with(&path, &softras_io::LoadOptions::default()).unwrap()
+        });
+    assert!(loaded.iter().all(|found| (colors(found)[0][0] - 0.214_041).abs() < 1e-5), "{loaded:?}");
+    softras_io::save(&loaded[1].mesh, &path).unwrap();
     assert!(fs::read_to_string(&path).unwrap().contains(" 0.5 0.5 0.5"));
 }
 
@@ -297,8 +303,8 @@ fn valid_gltf_is_not_refused() {
     let harmless =
         ["EXT_mesh_features", "KHR_animation_pointer", "KHR_materials_dispersion", "KHR_xmp_json_ld", "CESIUM_RTC"];
     assert_eq!(count(changed(|root| root["extensionsRequired"] = json!(harmless))), 1);
-    let packed = changed(|root| root["extensionsRequired"] = json!(["EXT_meshopt_compression"]));
-    assert_refused(packed, &["EXT_meshopt", "gltf-transform"]);
+    let packed = changed(|root| root["extensionsRequired"] = json!(["KHR_meshopt_compression"]));
+    assert_refused(packed, &["KHR_meshopt", "gltf-transform"]);
     assert_eq!(
         count(changed(|root| root["nodes"] =
             json!([{ "children": [1, 2] }, { "children": [3] }, { "children": [3] }, { "mesh": 0 }]))),
@@ -547,8 +553,7 @@ const ETC1S: &str = "\
 #[test]
 fn ktx2_textures_are_drawn() {
     for text in [UASTC, ETC1S] {
-        let bytes: Vec<u8> =
-            (0..text.len() / 2).map(|i| u8::from_str_radix(&text[2 * i..2 * i + 2], 16).unwrap()).collect();
+        let bytes = from_hex(text);
         let with = |bytes: &[u8]| {
             let uri = base64::Engine::encode(&base64::engine::general_purpose::STANDARD, bytes);
             let drawn = changed(|root| {
@@ -571,5 +576,66 @@ fn ktx2_textures_are_drawn() {
             broken[i * 7919 % bytes.len()] ^= 1 + (i * 31 % 255) as u8;
             with(&broken);
         }
+    }
+}
+
+fn from_hex(text: &str) -> Vec<u8> {
+    (0..text.len() / 2).map(|i| u8::from_str_radix(&text[2 * i..2 * i + 2], 16).unwrap()).collect()
+}
+
+/// Four positions as exponents and mantissas, octahedral normals, two triangles and two turns, as meshoptimizer packs them.
+const MESHOPT: &str = "\
+    a000000133000000807f000000010c00000040000000010300000020000000000000000000000000000000000000000000000000eb000000eb\
+    000000eb000000a0011f0000004794013f000000fe91d9011b00000048013f000000fefd920000000000000000000000000000000000000000\
+    000000000000000000000000ff7f00000000e1f000007687566778a986658968980169000000a00130000000c9013000000027000000000120\
+    00000000000000000000000000000000000000000000000000000000018000000000fe7f\
+";
+
+#[test]
+fn meshopt_views_are_unpacked_and_broken_ones_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let view = |start: usize, length: usize, count: usize, stride: usize, mode: &str, filter: &str| {
+        json!({ "buffer": 1, "byteLength": count * stride, "extensions": { "EXT_meshopt_compression": { "buffer": 0,
+            "byteOffset": start, "byteLength": length, "count": count, "byteStride": stride, "mode": mode, "filter": filter } } })
+    };
+    let root = json!({
+        "asset": { "version": "2.0" }, "scenes": [{ "nodes": [0] }], "extensionsRequired": ["EXT_meshopt_compression"],
+        "nodes": [{ "mesh": 0, "extensions": { "EXT_mesh_gpu_instancing": { "attributes": { "ROTATION": 3 } } } }],
+        "meshes": [{ "primitives": [{ "attributes": { "POSITION": 0, "NORMAL": 1 }, "indices": 2 }] }],
+        "accessors": [
+            { "bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3" },
+            { "bufferView": 1, "componentType": 5122, "normalized": true, "count": 4, "type": "VEC4" },
+            { "bufferView": 2, "componentType": 5123, "count": 6, "type": "SCALAR" },
+            { "bufferView": 3, "componentType": 5122, "normalized": true, "count": 2, "type": "VEC4" },
+        ],
+        "bufferViews": [
+            view(0, 61, 4, 12, "ATTRIBUTES", "EXPONENTIAL"), view(64, 66, 4, 8, "ATTRIBUTES", "OCTAHEDRAL"),
+            view(132, 19, 6, 2, "TRIANGLES", "NONE"), view(152, 55, 2, 8, "ATTRIBUTES", "QUATERNION"),
+        ],
+        "buffers": [{ "byteLength": 207 }, { "byteLength": 108, "extensions": { "EXT_meshopt_compression": { "fallback": true } } }],
+    });
+    let loaded = read(&folder, "a.glb", &glb(&root, &from_hex(MESHOPT))).unwrap();
+    // The first turn is by -90 degrees about z, the second by 74 about x.
+    let places = [[0.0; 3], [0.0, -2.0, 0.0], [1.0, -2.0, 0.0], [1.0, 0.0, 0.5], [2.0, 0.28, 0.96], [0.0, -0.2, 1.1]];
+    let is_near = |a: &[f32; 3], b: &[f32; 3]| (0..3).all(|k| (a[k] - b[k]).abs() < 1e-3);
+    assert!(places.iter().all(|place| loaded.mesh.positions().iter().any(|found| is_near(found, place))), "{loaded:?}");
+    assert!(loaded.notes.is_empty() && loaded.mesh.triangles().len() == 4);
+    assert!(
+        is_near(&loaded.normals[0][1], &[0.0, 0.0, -1.0]) && is_near(&loaded.normals[0][2], &[0.0, -0.6, 0.8]),
+        "{:?}",
+        loaded.normals[0]
+    );
+    for seed in 0..400usize {
+        let mut bytes = from_hex(MESHOPT);
+        bytes[seed * 7919 % 207] ^= 1 << (seed % 8);
+        let (outcome, peak) = crate::peak_of(|| read(&folder, "a.glb", &glb(&root, &bytes)));
+        assert!(peak < 1 << 20, "{seed} takes {peak} bytes: {:?}", outcome.err());
+    }
+    for (name, value) in
+        [("count", json!(1e9)), ("byteStride", json!(6)), ("byteLength", json!(1e18)), ("mode", json!("x"))]
+    {
+        let mut root = root.clone();
+        root["bufferViews"][0]["extensions"]["EXT_meshopt_compression"][name] = value;
+        assert_refused(read(&folder, "a.glb", &glb(&root, &from_hex(MESHOPT))), &["meshopt"]);
     }
 }

@@ -11,22 +11,22 @@ from . import functional as srf
 class AmbientLighting(nn.Module):
     """Light from everywhere."""
 
-    def __init__(self, light_intensity=0.5, light_color=(1, 1, 1)):
+    def __init__(self, light_intensity=0.5, light_color=(1, 1, 1)) -> None:
         super().__init__()
         self.light_intensity, self.light_color = light_intensity, light_color
 
-    def forward(self, light):
+    def forward(self, light) -> torch.Tensor:
         return srf.ambient_lighting(light, self.light_intensity, self.light_color)
 
 
 class DirectionalLighting(nn.Module):
     """Light from one direction."""
 
-    def __init__(self, light_intensity=0.5, light_color=(1, 1, 1), light_direction=(0, 1, 0)):
+    def __init__(self, light_intensity=0.5, light_color=(1, 1, 1), light_direction=(0, 1, 0)) -> None:
         super().__init__()
         self.light_intensity, self.light_color, self.light_direction = light_intensity, light_color, light_direction
 
-    def forward(self, light, normals):
+    def forward(self, light, normals) -> torch.Tensor:
         return srf.directional_lighting(light, normals, self.light_intensity, self.light_color, self.light_direction)
 
 
@@ -41,7 +41,7 @@ class Lighting(nn.Module):
         intensity_directionals=0.5,
         color_directionals=(1, 1, 1),
         directions=(0, 1, 0),
-    ):
+    ) -> None:
         super().__init__()
         if light_mode not in ("surface", "vertex"):
             raise ValueError(f"light_mode is {light_mode!r}: use surface or vertex")
@@ -50,7 +50,7 @@ class Lighting(nn.Module):
         directional = DirectionalLighting(intensity_directionals, color_directionals, directions)
         self.directionals = nn.ModuleList([directional])
 
-    def forward(self, mesh):
+    def forward(self, mesh) -> Mesh:
         surface = self.light_mode == "surface"
         normals = mesh.surface_normals if surface else mesh.vertex_normals
         light = self.ambient(torch.zeros_like(normals))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import torch.nn.functional as F
 from torch import nn
 
@@ -10,6 +12,8 @@ from . import functional as srf
 
 class SoftRasterizer(nn.Module):
     """A mesh on the screen to images [batch, 4, size, size]; see `functional.soft_rasterize`.
+
+    `image_height` and `image_width` stand in for `image_size`.
 
     With `returns_info` it returns (images, p2f_info, aggrs_info), as the fork of UMR; see `functional.rasterize_info`.
     """
@@ -34,7 +38,9 @@ class SoftRasterizer(nn.Module):
         aggr_func_alpha="prod",
         texture_type="surface",
         exact_gradients=False,
-    ):
+        image_height=None,
+        image_width=None,
+    ) -> None:
         super().__init__()
         choices = [
             ("dist_func", dist_func, ("hard", "euclidean", "barycentric")),
@@ -46,17 +52,21 @@ class SoftRasterizer(nn.Module):
             if value not in among:
                 raise ValueError(f"{name} is {value!r}: use {', '.join(among)}")
         self.image_size, self.background_color = image_size, background_color
+        self.image_height, self.image_width = image_height, image_width
         self.near, self.far = near, far
         self.anti_aliasing, self.fill_back, self.eps = anti_aliasing, fill_back, eps
         self.sigma_val, self.dist_func, self.dist_eps = sigma_val, dist_func, dist_eps
         self.gamma_val, self.aggr_func_rgb, self.aggr_func_alpha = gamma_val, aggr_func_rgb, aggr_func_alpha
         self.texture_type, self.exact_gradients = texture_type, exact_gradients
 
-    def forward(self, mesh, mode=None):
+    def _sides(self) -> tuple:
+        return self.image_height or self.image_size, self.image_width or self.image_size
+
+    def forward(self, mesh, mode=None) -> Any:
         images = srf.soft_rasterize(
             mesh.face_vertices,
             mesh.face_textures,
-            self.image_size * (2 if self.anti_aliasing else 1),
+            tuple(side * (2 if self.anti_aliasing else 1) for side in self._sides()),
             self.background_color,
             self.near,
             self.far,
@@ -74,11 +84,11 @@ class SoftRasterizer(nn.Module):
         images = F.avg_pool2d(images, kernel_size=2, stride=2) if self.anti_aliasing else images
         return (images, *self._info(mesh)) if self.returns_info else images
 
-    def _info(self, mesh):
+    def _info(self, mesh) -> tuple:
         weights = {"eps": self.eps, "sigma_val": self.sigma_val, "dist_func": self.dist_func, "dist_eps": self.dist_eps}
         weights["gamma_val"] = self.gamma_val
         given = weights if self.aggr_func_rgb == "softmax" else None
-        return srf.rasterize_info(mesh.face_vertices, self.image_size, self.near, self.far, self.fill_back, given)
+        return srf.rasterize_info(mesh.face_vertices, self._sides(), self.near, self.far, self.fill_back, given)
 
 
 class Rasterizer(SoftRasterizer):
@@ -94,7 +104,7 @@ class Rasterizer(SoftRasterizer):
         fill_back=True,
         eps=1e-6,
         texture_type="surface",
-    ):
+    ) -> None:
         super().__init__(
             image_size,
             background_color,

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from typing import Any
+
+import torch
 from torch import nn
 
 from .lighting import Lighting
@@ -45,7 +48,9 @@ class SoftRenderer(nn.Module):
         light_color_directionals=(1, 1, 1),
         light_directions=(0, 1, 0),
         exact_gradients=False,
-    ):
+        image_height=None,
+        image_width=None,
+    ) -> None:
         super().__init__()
         self.lighting = Lighting(
             light_mode,
@@ -74,28 +79,30 @@ class SoftRenderer(nn.Module):
             aggr_func_alpha,
             texture_type,
             exact_gradients,
+            image_height,
+            image_width,
         )
 
-    def set_sigma(self, sigma):
+    def set_sigma(self, sigma) -> None:
         """Sets the softness of edges."""
         self.rasterizer.sigma_val = sigma
 
-    def set_gamma(self, gamma):
+    def set_gamma(self, gamma) -> None:
         """Sets the softness of the depth order."""
         self.rasterizer.gamma_val = gamma
 
-    def set_texture_mode(self, mode):
+    def set_texture_mode(self, mode) -> None:
         """Sets "surface" or "vertex" for light and textures."""
         if mode not in ("surface", "vertex"):
             raise ValueError(f"the texture mode is {mode!r}: use surface or vertex")
         self.lighting.light_mode = self.rasterizer.texture_type = mode
 
-    def render_mesh(self, mesh, mode=None):
+    def render_mesh(self, mesh, mode=None) -> torch.Tensor:
         """Renders a mesh, whose textures and vertices are then lit and on the screen; `Mesh.reset_` takes that back."""
         self.set_texture_mode(mesh.texture_type)
         return self.rasterizer(self.transform(self.lighting(mesh)), mode)
 
-    def forward(self, vertices, faces, textures=None, mode=None, texture_type="surface"):
+    def forward(self, vertices, faces, textures=None, mode=None, texture_type="surface") -> Any:
         return self.render_mesh(Mesh(vertices, faces, textures=textures, texture_type=texture_type), mode)
 
 
@@ -107,9 +114,9 @@ class Renderer(SoftRenderer):
 
     def __init__(
         self, image_size=256, background_color=(0, 0, 0), near=1, far=100, anti_aliasing=True, fill_back=True, eps=1e-6, **rest
-    ):
+    ) -> None:
         super().__init__(image_size, background_color, near, far, anti_aliasing, fill_back, eps, **rest)
         self.rasterizer = Rasterizer(image_size, background_color, near, far, anti_aliasing, fill_back, eps)
 
-    def forward(self, mesh, mode=None):
+    def forward(self, mesh, mode=None) -> Any:
         return self.render_mesh(mesh, mode)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import torch
 from torch import nn
@@ -14,7 +15,7 @@ from .mesh import Mesh
 class _Camera(nn.Module):
     """A camera: of vertices [batch, V, 3] it returns the screen coordinates, and a mesh it moves there, as `Transform` does."""
 
-    def forward(self, seen):
+    def forward(self, seen) -> Any:
         if not isinstance(seen, Mesh):
             return self.on_screen(seen)
         seen.vertices = self.on_screen(seen.vertices)
@@ -24,14 +25,14 @@ class _Camera(nn.Module):
 class Projection(_Camera):
     """Projection by matrices P [batch, 3, 4] with distortion [batch, 5], for images of `orig_size` pixels."""
 
-    def __init__(self, P, dist_coeffs=None, orig_size=512):
+    def __init__(self, P, dist_coeffs=None, orig_size=512) -> None:
         super().__init__()
         if P is None or tuple(P.shape[1:]) != (3, 4):
             raise ValueError("P is no matrix: give [batch, 3, 4]")
         self.P, self.orig_size = torch.as_tensor(P), orig_size
         self.dist_coeffs = torch.zeros(len(self.P), 5) if dist_coeffs is None else torch.as_tensor(dist_coeffs)
 
-    def on_screen(self, vertices):
+    def on_screen(self, vertices) -> torch.Tensor:
         P, dist_coeffs = self.P.to(vertices), self.dist_coeffs.to(vertices)
         return srf.projection(vertices, P, dist_coeffs, self.orig_size)
 
@@ -39,26 +40,26 @@ class Projection(_Camera):
 class _Eye(_Camera):
     """A camera with an eye, and with perspective or without."""
 
-    def __init__(self, perspective, viewing_angle, viewing_scale, eye):
+    def __init__(self, perspective, viewing_angle, viewing_scale, eye) -> None:
         super().__init__()
         self.perspective, self.viewing_angle, self.viewing_scale = perspective, viewing_angle, viewing_scale
         self._eye = eye
         if eye is None:
             self._eye = [0, 0, -(1.0 / math.tan(math.radians(viewing_angle)) + 1)]
 
-    def set_eyes_from_angles(self, distances, elevations, azimuths):
+    def set_eyes_from_angles(self, distances, elevations, azimuths) -> None:
         """Places the eyes at distances, and angles in degrees, around the origin."""
         self.set_eyes(srf.get_points_from_angles(distances, elevations, azimuths))
 
-    def set_eyes(self, eyes):
+    def set_eyes(self, eyes) -> None:
         """Places the eyes: one, or one for each mesh of the batch."""
         self._eye = eyes
 
     @property
-    def eyes(self):
+    def eyes(self) -> Any:
         return self._eye
 
-    def project(self, view):
+    def project(self, view) -> torch.Tensor:
         if self.perspective:
             return srf.perspective(view, angle=self.viewing_angle)
         return srf.orthogonal(view, scale=self.viewing_scale)
@@ -67,21 +68,21 @@ class _Eye(_Camera):
 class LookAt(_Eye):
     """A camera that looks at the origin; `viewing_angle` is half the angle of view in degrees."""
 
-    def __init__(self, perspective=True, viewing_angle=30, viewing_scale=1.0, eye=None):
+    def __init__(self, perspective=True, viewing_angle=30, viewing_scale=1.0, eye=None) -> None:
         super().__init__(perspective, viewing_angle, viewing_scale, eye)
 
-    def on_screen(self, vertices):
+    def on_screen(self, vertices) -> torch.Tensor:
         return self.project(srf.look_at(vertices, self._eye))
 
 
 class Look(_Eye):
     """A camera that looks along a direction."""
 
-    def __init__(self, camera_direction=(0, 0, 1), perspective=True, viewing_angle=30, viewing_scale=1.0, eye=None):
+    def __init__(self, camera_direction=(0, 0, 1), perspective=True, viewing_angle=30, viewing_scale=1.0, eye=None) -> None:
         super().__init__(perspective, viewing_angle, viewing_scale, eye)
         self.camera_direction = camera_direction
 
-    def on_screen(self, vertices):
+    def on_screen(self, vertices) -> torch.Tensor:
         return self.project(srf.look(vertices, self._eye, self.camera_direction))
 
 
@@ -99,7 +100,7 @@ class Transform(nn.Module):
         viewing_scale=1.0,
         eye=None,
         camera_direction=(0, 0, 1),
-    ):
+    ) -> None:
         super().__init__()
         self.camera_mode = camera_mode
         if camera_mode == "projection":
@@ -111,19 +112,19 @@ class Transform(nn.Module):
         else:
             raise ValueError(f"camera_mode is {camera_mode!r}: use projection, look or look_at")
 
-    def forward(self, mesh):
+    def forward(self, mesh) -> Mesh:
         return self.transformer(mesh)
 
-    def set_eyes_from_angles(self, distances, elevations, azimuths):
+    def set_eyes_from_angles(self, distances, elevations, azimuths) -> None:
         """Places the eyes at distances, and angles in degrees, around the origin."""
         self.set_eyes(srf.get_points_from_angles(distances, elevations, azimuths))
 
-    def set_eyes(self, eyes):
+    def set_eyes(self, eyes) -> None:
         """Places the eyes: one, or one for each mesh of the batch."""
         if self.camera_mode == "projection":
             raise ValueError("a projection has no eyes: use camera_mode look or look_at")
         self.transformer.set_eyes(eyes)
 
     @property
-    def eyes(self):
+    def eyes(self) -> Any:
         return self.transformer.eyes

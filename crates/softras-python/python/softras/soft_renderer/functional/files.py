@@ -8,30 +8,8 @@ import os
 import numpy as np
 import torch
 
-from ..._softras import Mesh, load
+from ..._softras import Mesh, load, surface_cells
 from ...errors import FileError
-
-
-def _centres(resolution: int) -> np.ndarray:
-    """The barycentric coordinates [R², 3] at which the official code samples the cells of a face."""
-    y, x = np.divmod(np.arange(resolution**2), resolution)
-    lower = x + y < resolution
-    b0 = np.where(lower, x + 1 / 3, resolution - 1 - x + 2 / 3) / resolution
-    b1 = np.where(lower, y + 1 / 3, resolution - 1 - y + 2 / 3) / resolution
-    return np.stack([b0, b1, 1.0 - b0 - b1], axis=1).astype(np.float32)
-
-
-def _sample(image: np.ndarray, uvs: np.ndarray) -> np.ndarray:
-    """An image [height, width, 3], row 0 at the top, at UVs [..., 2] by bilinear interpolation, corner texels at 0 and 1."""
-    height, width = image.shape[:2]
-    x = uvs[..., 0] * (width - 1)
-    y = (height - 1) - uvs[..., 1] * (height - 1)
-    left, top = np.clip(np.floor(x), 0, width - 1).astype(int), np.clip(np.floor(y), 0, height - 1).astype(int)
-    right, below = np.minimum(left + 1, width - 1), np.minimum(top + 1, height - 1)
-    across, down = np.clip(x - left, 0, 1)[..., None], np.clip(y - top, 0, 1)[..., None]
-    upper = image[top, left] * (1 - across) + image[top, right] * across
-    lower = image[below, left] * (1 - across) + image[below, right] * across
-    return upper * (1 - down) + lower * down
 
 
 def _cells(mesh: Mesh, resolution: int) -> np.ndarray:
@@ -42,22 +20,10 @@ def _cells(mesh: Mesh, resolution: int) -> np.ndarray:
     if mesh.colors is not None:
         color = mesh.colors if mesh.colors.ndim == 1 else np.ones(3)
         return np.broadcast_to(np.float32(color), (count, resolution**2, 3)).copy()
-    uvs, images = mesh.uvs, mesh.textures
-    assert uvs is not None and images is not None, "a mesh that has no cells and no colours has textures"
-    corners = uvs[mesh.uv_triangles]
-    # As the official code, which leaves what is below 0.
-    corners = np.where(corners > 1, corners % 1, corners)
-    places = np.einsum("ck,fkd->fcd", _centres(resolution), corners)
-    of_triangle = mesh.texture_of_triangle
-    if of_triangle is None or not len(of_triangle):
-        of_triangle = np.zeros(count, np.uint32)
-    cells = np.empty((count, resolution**2, 3), np.float32)
-    for i, image in enumerate(images):
-        cells[of_triangle == i] = _sample(image[..., :3], places[of_triangle == i])
-    return cells
+    return surface_cells(mesh, resolution)
 
 
-def load_obj(filename_obj, normalization=False, load_texture=False, texture_res=4, texture_type="surface"):
+def load_obj(filename_obj, normalization=False, load_texture=False, texture_res=4, texture_type="surface") -> tuple:
     """Vertices [V, 3] and faces [F, 3] (int32) of a mesh file, and with `load_texture` its textures.
 
     Those are [F, R², 3] for texture_type "surface", and [V, 3] for "vertex". `normalization` moves the mesh into a cube around
@@ -81,7 +47,7 @@ def load_obj(filename_obj, normalization=False, load_texture=False, texture_res=
     return vertices, faces, torch.from_numpy(mesh.colors)
 
 
-def _atlas(cells: np.ndarray, side: int):
+def _atlas(cells: np.ndarray, side: int) -> tuple:
     """An image with a tile of `side` pixels a side for each face, and the UVs [F, 3, 2] of its corners."""
     count, resolution = len(cells), math.isqrt(cells.shape[1])
     columns = math.isqrt(count - 1) + 1
@@ -106,7 +72,7 @@ def _atlas(cells: np.ndarray, side: int):
     return image, uvs
 
 
-def save_obj(filename, vertices, faces, textures=None, texture_res=16, texture_type="surface"):
+def save_obj(filename, vertices, faces, textures=None, texture_res=16, texture_type="surface") -> None:
     """Writes vertices [V, 3] and faces [F, 3], with textures [F, R², 3] ("surface") or colours [V, 3] ("vertex").
 
     A surface becomes an image with a tile of `texture_res` pixels a side for each face.
@@ -126,7 +92,7 @@ def save_obj(filename, vertices, faces, textures=None, texture_res=16, texture_t
     Mesh(vertices, faces, **look).save(os.fspath(filename))
 
 
-def save_voxel(filename, voxel):
+def save_voxel(filename, voxel) -> None:
     """Writes the voxels [X, Y, Z] that are 1 as the vertices of a mesh without faces, in the unit cube."""
     voxel = torch.as_tensor(voxel)
     places = torch.nonzero(voxel == 1) / torch.tensor(voxel.shape, device=voxel.device)

@@ -9,7 +9,7 @@ import torch
 
 from ... import torch as softras_torch
 from ..._softras import Camera
-from ...errors import InputError
+from ...errors import InputError, LimitError
 from ...settings import Settings
 
 #: The nearest depth that is drawn.
@@ -17,7 +17,12 @@ _NEAREST = 1e-6
 _ALPHA = {"hard": "hard", "sum": "sum", "prod": "product"}
 
 
-def _settings(image_size, background_color, near, far, fill_back, eps, sigma_val, dist_func, dist_eps, gamma_val, rgb, alpha):
+def _sides(image_size) -> tuple:
+    """Height and width of an image of one side, or of (height, width)."""
+    return (image_size, image_size) if isinstance(image_size, int) else tuple(image_size)
+
+
+def _settings(image_size, background_color, near, far, fill_back, eps, sigma_val, dist_func, dist_eps, gamma_val, rgb, alpha) -> Settings:
     if alpha not in _ALPHA:
         raise InputError(f"aggr_func_alpha is {alpha!r}: use hard, sum or prod")
 
@@ -28,6 +33,7 @@ def _settings(image_size, background_color, near, far, fill_back, eps, sigma_val
         # The official kernels take float32.
         return float(np.float32(number(x)))
 
+    height, width = _sides(image_size)
     near, far, gamma, eps = rounded(near), rounded(far), rounded(gamma_val), rounded(eps)
     if near < _NEAREST:
         warnings.warn(f"near = {near:g}: what lies nearer than {_NEAREST:g} in front of the eye is not drawn", stacklevel=4)
@@ -37,8 +43,8 @@ def _settings(image_size, background_color, near, far, fill_back, eps, sigma_val
     # They take the cut-off in place of dist_eps.
     cutoff = rounded(np.log(1.0 / number(dist_eps) - 1.0))
     return Settings.official(
-        width=image_size,
-        height=image_size,
+        width=width,
+        height=height,
         background_color=tuple(number(x) for x in background_color),
         near=near,
         far=far,
@@ -53,7 +59,7 @@ def _settings(image_size, background_color, near, far, fill_back, eps, sigma_val
     )
 
 
-def rasterize_info(face_vertices, image_size=256, near=1, far=100, fill_back=True, weights=None):
+def rasterize_info(face_vertices, image_size=256, near=1, far=100, fill_back=True, weights=None) -> tuple:
     """What the fork of UMR returns beside the images: p2f_info [batch, F, 2] and aggrs_info [batch, 2, size, size].
 
     aggrs_info is the depth of the nearest face of each pixel, 1e7 where there is none, and its number, -1 there. p2f_info is each
@@ -75,15 +81,15 @@ def rasterize_info(face_vertices, image_size=256, near=1, far=100, fill_back=Tru
     with torch.enable_grad():
         white = torch.ones(batch, count, 1, 3, device=face_vertices.device, requires_grad=True)
         images = soft_rasterize(face_vertices.detach(), white, image_size, near=near, far=far, fill_back=fill_back, **weights)
-    centres = (2.0 * torch.arange(image_size, device=images.device) + 1.0) / image_size - 1.0
-    rows, columns = torch.meshgrid(centres, centres, indexing="ij")
+    centres = [(2.0 * torch.arange(side, device=images.device) + 1.0) / side - 1.0 for side in _sides(image_size)]
+    rows, columns = torch.meshgrid(*centres, indexing="ij")
     upstream = torch.stack((columns, rows, torch.ones_like(rows), torch.zeros_like(rows))).expand_as(images)
     # Colours are linear in the texels: their gradient is a sum of weights.
     (sums,) = torch.autograd.grad(images, white, upstream)
     return sums[:, :, 0, :2] / sums[:, :, 0, 2:].clamp(min=1e-12), info
 
 
-def _apart(count):
+def _apart(count) -> np.ndarray:
     """Triangles of corners that belong to one face each."""
     return np.arange(3 * count, dtype=np.uint32).reshape(count, 3)
 
@@ -105,10 +111,11 @@ def soft_rasterize(
     aggr_func_alpha="prod",
     texture_type="surface",
     exact_gradients=False,
-):
+) -> torch.Tensor:
     """Images [batch, 4, size, size] (red, green, blue, alpha; row 0 at the top) of faces on the screen.
 
-    `face_vertices` is [batch, F, 3, 3]: x to the right and y up in [-1, 1], and view depth. `textures` is [batch, F, R², 3] for
+    `image_size` may be (height, width). `face_vertices` is [batch, F, 3, 3]: x to the right and y up in [-1, 1], and view depth; in an
+    image that is not square x reaches ±width / height. `textures` is [batch, F, R², 3] for
     texture_type "surface", [batch, F, 3, 3] for "vertex". The gradient is the official code's unless `exact_gradients`.
     """
     batch, count = face_vertices.shape[:2]
@@ -127,12 +134,18 @@ def soft_rasterize(
         aggr_func_alpha,
     )
     look = {"surface": textures} if texture_type == "surface" else {"colors": textures.reshape(batch, 3 * count, 3)}
-    images = softras_torch.render(
-        face_vertices.float().reshape(batch, 3 * count, 3),
-        _apart(count),
-        [Camera.screen()] * batch,
-        settings=settings,
-        mode="exact" if exact_gradients else "paper",
-        **{name: value.float() for name, value in look.items()},
-    )
+    try:
+        images = softras_torch.render(
+            face_vertices.float().reshape(batch, 3 * count, 3),
+            _apart(count),
+            [Camera.screen()] * batch,
+            settings=settings,
+            mode="exact" if exact_gradients else "paper",
+            **{name: value.float() for name, value in look.items()},
+        )
+    except LimitError as error:
+        if "`texels`" not in str(error):
+            raise
+        cells = f"{batch} × {count} faces with {textures.shape[2]} cells each"
+        raise LimitError(f"{error}; {cells}: use a smaller texture_res, or softras.torch.render with textures") from None
     return torch.cat((images.color, images.silhouette[..., None]), dim=3).permute(0, 3, 1, 2).contiguous()

@@ -1,0 +1,112 @@
+"""Losses of meshes for torch: vertices [V, 3], faces [F, 3]; `softras.torch` exports them."""
+
+from __future__ import annotations
+
+from typing import Literal, Optional
+
+import numpy as np
+import torch
+
+from . import _softras
+from .errors import InputError
+
+
+def _edges(faces: torch.Tensor, device: torch.device) -> torch.Tensor:
+    """Every edge once, [E, 2], the lower vertex first."""
+    pairs = torch.cat([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]).long().to(device)
+    return torch.unique(pairs.sort(1)[0], dim=0)
+
+
+def edge_length_loss(vertices: torch.Tensor, faces: torch.Tensor, length: float = 0.0) -> torch.Tensor:
+    """The mean over edges of (their length - `length`)²."""
+    a, b = _edges(faces, vertices.device).unbind(1)
+    lengths = (vertices[a] - vertices[b]).norm(dim=1)
+    return (lengths - length).square().mean()
+
+
+class _Regularizer(torch.autograd.Function):
+    """A regularizer of the library, with its gradient."""
+
+    @staticmethod
+    def forward(ctx, vertices, faces, name):
+        corners = faces.detach().cpu().numpy() if isinstance(faces, torch.Tensor) else np.asarray(faces)
+        value, gradient = _softras.regularizer(name, corners, vertices.detach().cpu().double().numpy())
+        ctx.save_for_backward(torch.from_numpy(gradient).to(vertices))
+        return vertices.new_tensor(value)
+
+    @staticmethod
+    @torch.autograd.function.once_differentiable
+    def backward(ctx, upstream):
+        return upstream * ctx.saved_tensors[0], None, None
+
+
+def normal_consistency_loss(vertices: torch.Tensor, faces: torch.Tensor) -> torch.Tensor:
+    """Σ (1 - n·m) over edges, n and m the unit normals of the two faces there; that of `softras.deform`. Raises FitError."""
+    return _Regularizer.apply(vertices, faces, "normals")
+
+
+def flatten_loss(vertices: torch.Tensor, faces: torch.Tensor) -> torch.Tensor:
+    """Σ (1 + cos θ)² over edges as in the official code; that of `softras.deform`. Raises FitError."""
+    return _Regularizer.apply(vertices, faces, "flatten")
+
+
+def _cotangents(vertices: torch.Tensor, faces: torch.Tensor):
+    """The edges opposite to the corners of faces, [3 F, 2], and half the cotangents there, at least 0."""
+    faces = faces.long().to(vertices.device)
+    edges, weights = [], []
+    for corner in range(3):
+        i, j, k = (faces[:, (corner + n) % 3] for n in range(3))
+        a, b = vertices[j] - vertices[i], vertices[k] - vertices[i]
+        area = torch.linalg.cross(a, b).norm(dim=1).clamp(min=1e-12)
+        edges.append(torch.stack([j, k], 1))
+        weights.append(((a * b).sum(1) / area / 2).clamp(min=0))
+    return torch.cat(edges), torch.cat(weights)
+
+
+def laplacian_loss(
+    vertices: torch.Tensor, faces: torch.Tensor, weights: Literal["uniform", "cotangent"] = "uniform"
+) -> torch.Tensor:
+    """Σ |p - mean of its neighbours|² over the vertices of a mesh.
+
+    The mean is the plain one as in the official code, or weighted by cotangents, of which those below 0 count as 0.
+    """
+    if weights == "uniform":
+        edges = _edges(faces, vertices.device)
+        shares = torch.ones_like(vertices[edges[:, 0], 0])
+    elif weights == "cotangent":
+        edges, shares = _cotangents(vertices, faces)
+    else:
+        raise InputError(f"weights is {weights!r}: use uniform or cotangent")
+    edges, shares = torch.cat([edges, edges.flip(1)]), torch.cat([shares, shares])
+    total = torch.zeros_like(vertices[:, 0]).index_add(0, edges[:, 0], shares)
+    sums = torch.zeros_like(vertices).index_add(0, edges[:, 0], shares[:, None] * vertices[edges[:, 1]])
+    # A vertex without neighbours has no mean.
+    means = sums / torch.where(total > 0, total, torch.ones_like(total))[:, None]
+    return torch.where((total > 0)[:, None], vertices - means, torch.zeros_like(means)).square().sum()
+
+
+def sample_surface(
+    vertices: torch.Tensor, faces: torch.Tensor, count: int, generator: Optional[torch.Generator] = None
+) -> torch.Tensor:
+    """Random points [count, 3] of a surface, evenly by area; a `generator` of the CPU makes them the same again."""
+    corners = vertices[faces.long().to(vertices.device)]
+    a, b, c = corners.unbind(1)
+    areas = torch.linalg.cross(b - a, c - a).norm(dim=1).detach().cpu()
+    if count < 1 or not areas.sum() > 0:
+        raise InputError(f"{count} points of a surface of area {areas.sum():g}: ask for 1 or more, of a surface that has an area")
+    chosen = torch.multinomial(areas, count, replacement=True, generator=generator).to(vertices.device)
+    u, v = torch.rand(2, count, generator=generator).to(vertices)
+    root = u.sqrt()
+    shares = torch.stack([1 - root, root * (1 - v), root * v], 1)
+    return (shares[..., None] * corners[chosen]).sum(1)
+
+
+def chamfer_distance(a: torch.Tensor, b: torch.Tensor) -> torch.Tensor:
+    """The mean squared distance of points a [N, 3] to their nearest of b [M, 3], and that of b to a, in sum."""
+
+    def nearest(points, among):
+        with torch.no_grad():
+            return torch.cat([torch.cdist(part, among).argmin(1) for part in points.split(1024)])
+
+    to_b, to_a = a - b[nearest(a, b)], b - a[nearest(b, a)]
+    return to_b.square().sum(1).mean() + to_a.square().sum(1).mean()
