@@ -17,8 +17,8 @@ struct Square {
     side: f64,
 }
 
-/// Crops each picture of more than `most` pixels a side to its mask where that leaves at most half of the pixels; crops have at most `most` pixels a side. The
-/// photographs stay in [`Subject::photographs`].
+/// Crops each picture of more than `most` pixels a side to its mask where that leaves at most half of the pixels. Crops have at most
+/// `most` pixels a side. The photographs stay in [`Subject::photographs`].
 pub fn cropped(subject: &mut Subject, most: usize, notes: &mut Vec<String>) -> Result<()> {
     let views = &subject.views;
     let is_pinhole =

@@ -99,17 +99,22 @@ fn large_pictures_are_cropped_and_give_sharp_textures() {
         let eye = DVec3::new(9.0 * angle.sin(), 2.0, 9.0 * angle.cos());
         Camera::look_at(eye, DVec3::new(0.3, 0.2, 0.0), DVec3::Y, Projection::Perspective { fov_y: 0.6 }).unwrap()
     };
-    let views = colored(&mut renderer, (0..8).map(far).collect(), 256, stripes);
-    let change = |options: &mut FitOptions| (options.crop, options.texture) = (48, Some(512));
-    let sharp = run(&views, 4, change, &mut renderer);
+    let mut fitted = |side: u32| {
+        let views = colored(&mut renderer, (0..8).map(far).collect(), side, stripes);
+        run(&views, 4, |options| (options.crop, options.texture) = (48, Some(512)), &mut renderer)
+    };
+    let sharp = fitted(256);
     assert_eq!(sharp.notes[0], "pictures of 256×256 pixels are cropped to the object, 48×48 pixels each");
     let volume = Voxels::new(&sharp.mesh, [-1.0; 3], 2.0, 48).unwrap().volume();
     assert!((0.95..1.2).contains(&volume), "{volume}, and of the solid 1.0");
-    let Appearance::Textured { textures, .. } = sharp.mesh.appearance() else { unreachable!() };
-    let texels = textures[0].texels();
-    let painted = texels.iter().filter(|texel| texel[0] > 0.02).count();
-    let pure = texels.iter().filter(|texel| texel[0] > 0.02 && (texel[0] - 0.5).abs() > 0.3).count();
-    assert!(4 * pure > 3 * painted, "{pure} of {painted} texels are as bright as a stripe");
+    // The share of painted texels that are as bright as a stripe.
+    let pure = |fitted: &Fitted| {
+        let Appearance::Textured { textures, .. } = fitted.mesh.appearance() else { unreachable!() };
+        let painted = textures[0].texels().iter().filter(|texel| texel[0] > 0.02);
+        painted.clone().filter(|texel| (texel[0] - 0.5).abs() > 0.3).count() as f64 / painted.count() as f64
+    };
+    let (sharp, blurred) = (pure(&sharp), pure(&fitted(64)));
+    assert!(sharp > blurred + 0.1, "{sharp} from large pictures, {blurred} from small ones");
 }
 
 #[test]
