@@ -149,7 +149,8 @@ fn what_is_written_is_read_again() {
     let (path, views) = read(folder.path(), None, 30.0).unwrap();
     for (view, made) in views.iter().zip(&made) {
         let camera = view.camera(&path, SIZE).unwrap();
-        assert_eq!(camera.view(), made.view());
+        // A principal point away from the middle is read as oblique rows of the view.
+        assert_eq!(camera.view() == made.view(), matches!(made.projection(), Projection::Perspective { .. }));
         POINTS.iter().for_each(|&p| assert_close(by_camera(&camera, p), by_camera(made, p)));
         let picture = image::open(folder.path().join(&view.file)).unwrap().into_rgba8();
         assert!(picture.dimensions() == SIZE && picture.pixels().all(|p| p.0 == [188, 188, 188, 128]));
