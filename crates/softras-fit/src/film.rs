@@ -1,6 +1,6 @@
 //! The animation of a fit, with the target on the left and the mesh on the right.
 
-use crate::{Fitting, pooled, sized};
+use crate::{Fitting, cameras::scaled, pooled, sized};
 use softras::{
     Camera, Lights, Mesh, Renderer, Result, Scene, Settings,
     scene::{Background, DirectionalLight, Shading},
@@ -23,6 +23,7 @@ const LAST: usize = 15;
 pub struct Film {
     frames: Vec<Picture>,
     every: usize,
+    /// For frames with SAMPLES along each side of a pixel.
     camera: Option<Camera>,
     target: Picture,
     size: (u32, u32),
@@ -34,7 +35,10 @@ pub struct Film {
 impl Film {
     /// Shows the view in which the target is largest of those that see it from the side or from halfway above, as people see
     /// things, or of all where none does.
-    pub fn new(fitting: &Fitting) -> Self {
+    ///
+    /// # Errors
+    /// None for the cameras of a fit.
+    pub fn new(fitting: &Fitting) -> Result<Self> {
         let (t, setup) = (&fitting.subject.views, &fitting.setup);
         let area = |view: &usize| t.silhouette.as_ref().map_or(0.0, |s| s.view(*view).iter().sum::<f32>());
         let view = largest(&t.cameras, area);
@@ -48,15 +52,17 @@ impl Film {
             }
             _ => Picture::filled(1, 1, [255; 4]),
         };
-        Self {
+        let times = [size.0 as usize, size.1 as usize].map(|side| (SAMPLES * side) as f64);
+        let times = [times[0] / shape.1 as f64, times[1] / shape.0 as f64];
+        Ok(Self {
             frames: Vec::new(),
             every: setup.iterations.div_ceil(FRAMES),
-            camera: t.cameras.get(view).copied(),
+            camera: t.cameras.get(view).map(|camera| scaled(camera, times)).transpose()?,
             target: enlarged(&target, size),
             size,
             settings: setup.settings(0),
             lights: setup.given.is_colored().then(|| fitting.subject.lights.clone()),
-        }
+        })
     }
 
     /// Whether the mesh of a step is a frame of the animation.

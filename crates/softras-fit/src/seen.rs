@@ -114,13 +114,18 @@ impl<'a> Seen<'a> {
     }
 }
 
-/// The unit normals of a mesh's vertices, by the areas of the triangles around them.
-pub fn normals(mesh: &Mesh) -> Vec<DVec3> {
+/// Of each vertex, a third of the area vectors of the triangles around it.
+pub fn areas(mesh: &Mesh) -> Vec<DVec3> {
     let points = points(mesh);
-    let mut normals = vec![DVec3::ZERO; points.len()];
+    let mut areas = vec![DVec3::ZERO; points.len()];
     for corners in mesh.triangles() {
         let [a, b, c] = corners.map(|corner| points[corner as usize]);
-        corners.iter().for_each(|corner| normals[*corner as usize] += (b - a).cross(c - a));
+        corners.iter().for_each(|corner| areas[*corner as usize] += (b - a).cross(c - a) / 6.0);
     }
-    normals.into_iter().map(DVec3::normalize_or_zero).collect()
+    areas
+}
+
+/// The unit normals of a mesh's vertices, by the areas of the triangles around them.
+pub fn normals(mesh: &Mesh) -> Vec<DVec3> {
+    areas(mesh).into_iter().map(DVec3::normalize_or_zero).collect()
 }

@@ -112,6 +112,10 @@ fn a_picture_with_nothing_in_it_is_noted() {
         fs::write(folder.path().join("a.obj"), mesh).unwrap();
         fails(folder.path(), &["render", "a.obj", "-o", "a.png"], 1, &["units wide", "scale it"]);
     }
+    let cut = |near: &str| {
+        noted(triangle, &["--eye", "0,0,-4", "--look-at", "0,0,0", "--near", near]).contains("before near")
+    };
+    assert_eq!([cut("3.9"), cut("4.1")], [false, true]);
     let behind = noted(triangle, &["--eye", "0,0,5", "--look-at", "0,0,9"]);
     assert!(behind.contains("outside the depths") && !behind.contains("nothing"), "{behind}");
 }

@@ -1,6 +1,6 @@
 //! The surface of a hull, and regions of it.
 
-use crate::{Topology, points, regions::regions};
+use crate::{Topology, points, regions::regions, seen::areas};
 use glam::DVec3;
 use softras::{Mesh, Result};
 
@@ -52,13 +52,7 @@ impl Region {
 
 impl<'a> Surface<'a> {
     pub fn new(mesh: &'a Mesh) -> Result<Self> {
-        let positions = points(mesh);
-        let mut areas = vec![DVec3::ZERO; positions.len()];
-        for triangle in mesh.triangles() {
-            let [a, b, c] = triangle.map(|v| positions[v as usize]);
-            triangle.iter().for_each(|v| areas[*v as usize] += (b - a).cross(c - a) / 6.0);
-        }
-        Ok(Self { mesh, topology: Topology::of(mesh)?, positions, areas })
+        Ok(Self { mesh, topology: Topology::of(mesh)?, positions: points(mesh), areas: areas(mesh) })
     }
 
     /// The mean with the neighbours, twice.

@@ -5,8 +5,8 @@ use crate::doubt::{around, solid, views};
 use crate::meshes::{PERSPECTIVE, mapped};
 use glam::{DMat4, DVec3};
 use softras::{Camera, Projection, Renderer, Scene, Settings, scene::Appearance, shapes};
-use softras_fit::{Fit, FitOptions, Fitted, Voxels};
-use softras_io::Views;
+use softras_fit::{Film, Fit, FitOptions, Fitted, Voxels};
+use softras_io::{PictureFile, Views};
 use std::ops::ControlFlow;
 
 fn fitted(views: &Views, hold_out: Option<usize>, renderer: &mut Renderer) -> Fitted {
@@ -115,6 +115,40 @@ fn large_pictures_are_cropped_and_give_sharp_textures() {
     };
     let (sharp, blurred) = (pure(&sharp), pure(&fitted(64)));
     assert!(sharp > blurred + 0.1, "{sharp} from large pictures, {blurred} from small ones");
+}
+
+#[test]
+fn cameras_in_pixels_are_those_with_an_angle() {
+    let mut renderer = renderer();
+    let angles = colored(&mut renderer, around(6), 32, |p| p.map(|x| 0.4 + 0.3 * x));
+    let mut pixels = angles.clone();
+    for camera in &mut pixels.cameras {
+        let Projection::Perspective { fov_y } = *camera.projection() else { unreachable!() };
+        let f = 16.0 / (0.5 * fov_y).tan();
+        *camera =
+            Camera::from_matrix(camera.matrix(), Projection::Pinhole { fx: f, fy: f, cx: 16.0, cy: 16.0 }).unwrap();
+    }
+    let mut made = |views: &Views| {
+        let mut fit = Fit::new(views.clone()).unwrap().color();
+        (fit.options.iterations, fit.options.samples, fit.options.texture) = (Some(3), 2, Some(256));
+        let mut fitting = fit.begin(&mut renderer).unwrap();
+        let mut film = Film::new(&fitting).unwrap();
+        film.add(&fitting.mesh().clone(), &mut renderer).unwrap();
+        while fitting.step(&mut renderer).unwrap().is_some() {}
+        let painted = fitting.paint(&mut renderer, &mut |_| ControlFlow::Continue(())).unwrap();
+        let path = std::env::temp_dir().join(format!("softras_film_{}.gif", std::process::id()));
+        film.write(&path).unwrap();
+        let shown = PictureFile::open(&path).unwrap().decode(&path).unwrap().into_rgb8();
+        std::fs::remove_file(&path).unwrap();
+        let film =
+            shown.pixels().map(|pixel| f64::from(pixel[1])).sum::<f64>() / f64::from(shown.width() * shown.height());
+        let texture = painted.as_ref().unwrap().errors[1];
+        let scores = fitting.finish(painted, &mut renderer).unwrap().scores;
+        [scores.color.unwrap(), scores.covered[0], texture.unwrap(), film / 255.0]
+    };
+    let (by_angle, by_pixel) = (made(&angles), made(&pixels));
+    let differ = by_angle.iter().zip(&by_pixel).any(|(a, b)| (a - b).abs() > 1e-3);
+    assert!(!differ && by_angle[1] > 0.8, "{by_angle:?} {by_pixel:?}");
 }
 
 #[test]

@@ -39,7 +39,7 @@ pub fn run(args: &FitArgs) -> Result<(), Failure> {
         let step = fitting.resume(path, Budget::new(args.read.memory))?;
         note(&format!("going on from step {step} of {}", path.display()));
     }
-    let mut film = files.gif.is_some().then(|| Film::new(&fitting));
+    let mut film = files.gif.is_some().then(|| Film::new(&fitting)).transpose()?;
     let painted = match work(args, &mut fitting, &mut film, &mut renderer) {
         Ok(painted) => painted,
         Err(failure) => {
