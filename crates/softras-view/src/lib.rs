@@ -47,6 +47,5 @@ pub use options::{
 pub use sheet::{sheet, text_width, write_text};
 pub use shot::{Mean, Shot};
 pub use shrink::shrunk;
-pub use standing::z_is_up;
-pub use studio::Studio;
+pub use studio::{MISSED, Studio};
 pub use view::View;

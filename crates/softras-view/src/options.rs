@@ -248,6 +248,12 @@ impl Options {
         }
     }
 
+    /// Whether the vertical axis is left to the mesh: whoever gives it or the camera's place has seen the mesh's coordinates, and
+    /// [`Fill::Sphere`] is the same camera however the mesh is turned.
+    pub(crate) fn has_no_axis(&self) -> bool {
+        self.camera.up.is_none() && self.camera.eye.is_none() && self.fill == Fill::Box
+    }
+
     /// Whether alpha is 1 inside of surfaces in pictures: unless the softness of edges or the model's own values were asked for.
     pub fn is_solid(&self) -> bool {
         let look = &self.look;

@@ -16,7 +16,7 @@ use panels::Sheet;
 use serde_json::json;
 use softras::{Scene, Settings};
 use softras_io::Budget;
-use softras_view::{Bounds, Output, Viewpoint};
+use softras_view::{Bounds, MISSED, Output, Viewpoint};
 use std::path::Path;
 use std::time::Instant;
 use target::{Loss, Target};
@@ -38,7 +38,7 @@ pub fn run(args: &GradArgs) -> Result<(), Failure> {
     );
     args.camera.check_depths(&view)?;
     if view.misses(bounds) {
-        note("the mesh lies wholly outside the depths that this camera draws");
+        note(MISSED);
     }
     let mut engine = Engine::open(args.device.as_deref())?;
     let mesh = match &engine {
@@ -57,6 +57,9 @@ pub fn run(args: &GradArgs) -> Result<(), Failure> {
         })?;
     let sharp = Settings { gamma: 1e-4, ..settings.clone() }.with_blur_pixels(1.23);
     let depth = engine.depth(&scene, view.camera()?, &sharp)?;
+    if !view.misses(bounds) && depth.silhouette.iter().all(|alpha| *alpha < 0.5 / 255.0) {
+        note("nothing of the mesh is in the picture: it is not where the camera looks");
+    }
     let pulls = arrows::pulls(&scene.meshes[0], &gradient, &view, [target.width, target.height], &depth)?;
     let sheet = Sheet { color: &images.color, target: &target, loss: &loss, pulls: &pulls, curve };
     let (picture, arrows) = sheet.draw();

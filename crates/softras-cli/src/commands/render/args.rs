@@ -281,16 +281,15 @@ impl ModeArgs {
 }
 
 impl RenderArgs {
-    /// Everything about the picture, for a camera with the vertical axis that was guessed. A sweep has `sweep_steps` steps unless a number
-    /// was given.
-    pub fn options(&self, camera: CameraOptions, sweep_steps: usize) -> Options {
+    /// Everything about the picture. A sweep has `sweep_steps` steps unless a number was given.
+    pub fn options(&self, sweep_steps: usize) -> Options {
         let motion = match (self.turntable, &self.sweep) {
             (Some(frames), _) => Motion::Turntable(frames),
             (None, Some(sweep)) => Motion::Sweep(sweep.of(sweep_steps)),
             (None, None) => Motion::Still,
         };
         Options {
-            camera,
+            camera: self.camera.options(),
             fill: self.frame.into(),
             look: self.look.look(),
             samples: self.look.samples,
