@@ -8,7 +8,7 @@ use numpy::{PyArray1, PyArray4, PyArrayMethods, PyReadonlyArray3, PyReadonlyArra
 use pyo3::exceptions::PyUserWarning;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
-use softras::scene::Shading;
+use softras::{Settings, scene::Shading};
 use softras_io::{Floats, LoadOptions, Picture};
 use softras_view::{CameraOptions, LightOptions, Look, Motion, Options, View};
 use std::ffi::CString;
@@ -40,8 +40,8 @@ impl Plan {
         let look = Look {
             size: self.size,
             sigma: self.sigma,
-            gamma: self.gamma,
             background: self.background,
+            model: Settings { gamma: self.gamma, ..Look::default().model },
             ..Look::default()
         };
         Ok(Options {

@@ -78,7 +78,7 @@ impl Studio {
         let first = match options.fill {
             Fill::Box => {
                 let step = if let Motion::Sweep(sweep) = options.motion { Some(sweep.widest()) } else { None };
-                let widest = look::settings(&options.look, &options.modes, &plain, outputs, 1, step);
+                let widest = look::settings(&options.look, &plain, outputs, 1, step);
                 let share = fill::share(widest.sigma, widest.tau, aspect);
                 fill::filling(&options.camera, &mesh, bounds, aspect, &options.motion.turns(), share)?
             }
@@ -160,7 +160,7 @@ impl Studio {
     ) -> std::result::Result<(), E> {
         let view = self.viewpoint(turn);
         let Self { options, outputs, samples, scene, glass, bands, .. } = self;
-        let mut settings = look::settings(&options.look, &options.modes, &view, outputs, *samples, step);
+        let mut settings = look::settings(&options.look, &view, outputs, *samples, step);
         // Layers are blended by depth.
         settings.outputs.depth |= glass.is_some();
         let (curve, transparent) = (options.look.curve, options.look.background.is_none());

@@ -251,5 +251,6 @@ fn read(source: &mut Source, document: &mut Document, index: usize, room: Room) 
         }
     };
     let file = document.image(source, image)?;
-    texture::decode(ImageReader::new(Cursor::new(file.bytes())), source.options.srgb, room)
+    let bytes = file.bytes();
+    texture::decode(ImageReader::new(Cursor::new(bytes)), bytes.len() as u64, source.options.srgb, room)
 }

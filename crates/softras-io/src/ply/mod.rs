@@ -16,7 +16,6 @@ use crate::{
     texture::{self, linear_from_srgb},
     textures::Room,
 };
-use image::ImageReader;
 use rows::{Row, Table, VALUES, least_bytes};
 use serde_ply::{PlyReader, ScalarType};
 use softras::{
@@ -393,15 +392,7 @@ fn texture(source: &mut Source, name: &str, room: Room) -> Option<Texture> {
     if let Some(note) = note {
         source.notes.add(None, format!("texture {note}"));
     }
-    let reader = ImageReader::open(&path).map_err(|error| error.to_string());
-    match reader.and_then(|reader| texture::decode(reader, source.options.srgb, room)) {
-        Ok(decoded) => {
-            source.files.push(path);
-            decoded.texture(Wrap::Repeat).ok()
-        }
-        Err(what) => {
-            source.notes.add(None, format!("texture {}: {what}", path.display()));
-            None
-        }
-    }
+    let decoded = texture::read(source, &path, source.options.srgb, room);
+    let note = |what: String| format!("texture {}: {what}", path.display());
+    decoded.map_err(|what| source.notes.add(None, note(what))).ok()?.texture(Wrap::Repeat).ok()
 }

@@ -70,8 +70,8 @@ pub fn run(args: &GradArgs) -> Result<(), Failure> {
 }
 
 fn settings(args: &GradArgs, view: &Viewpoint, target: &Target) -> Settings {
-    let look = args.soft.look((target.width as u32, target.height as u32));
-    softras_view::settings(&look, &args.modes.modes(), view, &[Output::Color], 1, None)
+    let look = args.soft.look((target.width as u32, target.height as u32), &args.modes);
+    softras_view::settings(&look, view, &[Output::Color], 1, None)
 }
 
 /// The report of the command.

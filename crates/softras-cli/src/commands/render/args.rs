@@ -2,10 +2,10 @@
 
 use crate::commands::{Failure, mesh_file::ReadArgs, parse};
 use clap::{Args, ValueEnum, builder::Resettable};
-use softras::scene;
+use softras::{Settings, scene};
 use softras_io::Curve;
 use softras_view as view;
-use softras_view::{CameraOptions, LightOptions, Look, Modes, Motion, Options, Viewpoint};
+use softras_view::{CameraOptions, LightOptions, Look, Motion, Options, Viewpoint};
 use std::path::PathBuf;
 
 const EXAMPLES: &str = "\
@@ -185,20 +185,23 @@ impl LookArgs {
         if self.raw { Curve::Raw } else { Curve::Srgb }
     }
 
-    /// The same as options.
-    pub fn look(&self) -> Look {
+    /// The same as options, with the variant of the model.
+    pub fn look(&self, modes: &ModeArgs) -> Look {
         let curve = self.curve();
         Look {
             size: self.size,
             sigma: self.sigma,
             blur: self.blur,
-            gamma: self.gamma,
-            epsilon: self.epsilon,
-            tau: self.tau,
-            support: self.support.into(),
             background: self.background.map(|color| color.numbers(curve)),
-            background_mode: self.background_mode.into(),
             curve,
+            model: Settings {
+                gamma: self.gamma,
+                epsilon: self.epsilon,
+                tau: self.tau,
+                support: self.support.into(),
+                background: self.background_mode.into(),
+                ..modes.settings()
+            },
         }
     }
 }
@@ -267,15 +270,16 @@ pub struct ModeArgs {
 }
 
 impl ModeArgs {
-    /// The same as options.
-    pub fn modes(&self) -> Modes {
-        Modes {
+    /// The same as settings.
+    pub fn settings(&self) -> Settings {
+        Settings {
             faces: self.faces.into(),
             color: self.color_mode.into(),
             silhouette: self.silhouette_mode.into(),
             distance: self.distance_mode.into(),
             interpolation: self.interpolation.into(),
             surface_point: self.surface_point.into(),
+            ..Look::default().model
         }
     }
 }
@@ -291,12 +295,11 @@ impl RenderArgs {
         Options {
             camera: self.camera.options(),
             fill: self.frame.into(),
-            look: self.look.look(),
+            look: self.look.look(&self.modes),
             samples: self.look.samples,
             alpha: self.alpha.map(Into::into),
             light: self.light.options(self.look.curve()),
             crease: self.crease,
-            modes: self.modes.modes(),
             motion,
         }
     }
