@@ -200,7 +200,8 @@ def ply_files(folder):
         rows = [*FACES, [7, 8, 9, 10, 11]] if polygon else [*FACES, *CUT]
         # Each column of an element: its name, its type, and a value for each row.
         numbers = [(axis, kind, points[:, i]) for i, axis in enumerate("xyz")] + [("quality", "double", points[:, 0])]
-        numbers += [("weights", "list", [[i] * (i % 3) for i in range(12)])] * pick(0, 1)
+        weighted = pick(False, True)
+        numbers += [("weights", "list", [[i] * (i % 3) for i in range(12)])] * weighted
         scale = {"uchar": 255, "ushort": 65535, "float": 1}[shade]
         rgb = np.round(colors.T * scale, 3 if scale == 1 else 0)
         shades = [(color, shade, values) for color, values in zip(["red", "green", "blue"], rgb[:, : len(rows) if coloring == "face" else 12])]
@@ -224,6 +225,7 @@ def ply_files(folder):
         faces = np.array(FACES + CUT)
         of_face = np.repeat(colors[np.minimum(np.arange(11), len(rows) - 1)][:, None], 3, axis=1)
         tags = {form, f"coordinates {kind}", f"corners {index}", f"count {count}", f"{coloring} {shade}", str(order), f"polygon {polygon}"}
+        tags |= {f"weighted {weighted}"}
         yield path, Meant(points[faces], {"vertex": colors[faces], "face": of_face}.get(coloring)), tags
 
 
