@@ -74,7 +74,7 @@ impl Studio {
         let bounds = Bounds::of(&mesh);
         let (width, height) = options.look.size;
         let aspect = f64::from(width) / f64::from(height);
-        let plain = Viewpoint::new(&options.camera, bounds, aspect, 0.0);
+        let plain = Viewpoint::new(&options.camera, bounds, aspect);
         let first = match options.fill {
             Fill::Box => {
                 let step = if let Motion::Sweep(sweep) = options.motion { Some(sweep.widest()) } else { None };

@@ -56,39 +56,22 @@ impl View {
     /// # Errors
     /// As [`View::frames`].
     pub fn render(&self, renderer: &mut Renderer) -> Result<Picture> {
-        Ok(self.moving(Motion::Still, renderer)?.swap_remove(0))
-    }
-
-    /// The frames of one turn around the vertical axis, on the background or on white. [`softras_io::write_gif`] writes them.
-    ///
-    /// # Errors
-    /// As [`View::frames`].
-    pub fn turntable(&self, frames: usize, renderer: &mut Renderer) -> Result<Vec<Picture>> {
-        self.moving(Motion::Turntable(frames), renderer)
-    }
-
-    /// The frames of a setting that changes, each with its label, on the background or on white. [`sheet`](crate::sheet) makes one
-    /// picture of them.
-    ///
-    /// # Errors
-    /// As [`View::frames`].
-    pub fn sweep(&self, sweep: crate::Sweep, renderer: &mut Renderer) -> Result<Vec<(Picture, String)>> {
-        let labels = animation::moments(&Options { motion: Motion::Sweep(sweep), ..self.options.clone() });
-        let frames = self.moving(Motion::Sweep(sweep), renderer)?;
-        Ok(frames.into_iter().zip(labels.into_iter().map(|moment| moment.label)).collect())
-    }
-
-    fn moving(&self, motion: Motion, renderer: &mut Renderer) -> Result<Vec<Picture>> {
-        Ok(self.clone().options(Options { motion, ..self.options.clone() }).frames(renderer)?.0)
+        let still = Options { motion: Motion::Still, ..self.options.clone() };
+        Ok(self.shown(&still, renderer)?.0.swap_remove(0))
     }
 
     /// The frames of the options' motion, on the background or, where there are several, on white, with notes on them: those of the
-    /// file, the axis that was taken to be up, and why nothing is seen.
+    /// file, the axis that was taken to be up, and why nothing is seen. [`softras_io::write_gif`] writes a turntable;
+    /// [`sheet`](crate::sheet) makes one picture of a sweep, whose labels are those of its [`moments`](crate::moments).
     ///
     /// # Errors
     /// Those of [`Studio::new`] and [`Studio::shoot`].
     pub fn frames(&self, renderer: &mut Renderer) -> Result<(Vec<Picture>, Vec<String>)> {
-        let (options, limits) = (&self.options, renderer.device_info().limits.clone());
+        self.shown(&self.options, renderer)
+    }
+
+    fn shown(&self, options: &Options, renderer: &mut Renderer) -> Result<(Vec<Picture>, Vec<String>)> {
+        let limits = renderer.device_info().limits.clone();
         let (mut studio, about) = Studio::new(self.loaded.clone(), options.clone(), &[Output::Color], false, &limits)?;
         let (mut frames, mut is_seen) = (Vec::new(), false);
         for moment in animation::moments(options) {

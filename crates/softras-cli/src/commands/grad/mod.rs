@@ -30,13 +30,7 @@ pub fn run(args: &GradArgs) -> Result<(), Failure> {
     let target = Target::read(&args.target_image, curve, args.soft.background.numbers(curve), &budget)?;
     let loaded = args.read.read(&args.mesh, !args.soft.raw, &outputs, &budget)?;
     let (bounds, origin) = (Bounds::of(&loaded.mesh), DVec3::from(loaded.origin));
-    let view = Viewpoint::new(
-        &args.camera.options().relative_to(loaded.origin),
-        bounds,
-        target.width as f64 / target.height as f64,
-        0.0,
-    );
-    args.camera.check_depths(&view)?;
+    let view = args.camera.view(bounds, loaded.origin, (target.width, target.height))?;
     if view.misses(bounds) {
         note(MISSED);
     }

@@ -5,7 +5,7 @@ use clap::{Args, ValueEnum, builder::Resettable};
 use softras::{Settings, scene};
 use softras_io::Curve;
 use softras_view as view;
-use softras_view::{CameraOptions, LightOptions, Look, Motion, Options, Viewpoint};
+use softras_view::{Bounds, CameraOptions, LightOptions, Look, Motion, Options, Viewpoint};
 use std::path::PathBuf;
 
 const EXAMPLES: &str = "\
@@ -121,6 +121,17 @@ impl CameraArgs {
     pub fn options(&self) -> CameraOptions {
         let Self { eye, target, up, distance, elevation, azimuth, fov, orthographic, near, far } = *self;
         CameraOptions { eye, target, up, distance, elevation, azimuth, fov, orthographic, near, far }
+    }
+
+    /// The view of a mesh in these bounds, whose origin lies there in its file.
+    pub fn view(
+        &self,
+        bounds: Bounds,
+        origin: [f64; 3],
+        (width, height): (usize, usize),
+    ) -> Result<Viewpoint, Failure> {
+        let view = Viewpoint::new(&self.options().relative_to(origin), bounds, width as f64 / height as f64);
+        self.check_depths(&view).map(|()| view)
     }
 
     /// Refuses a farthest depth that is not beyond the nearest one.
