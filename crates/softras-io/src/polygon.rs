@@ -16,18 +16,21 @@ pub struct Cut {
     pub is_simple: bool,
 }
 
-/// Cuts a polygon of three or more corners.
+/// Cuts a polygon of three or more of some positions.
 ///
 /// # Errors
 /// What is wrong, for a concave polygon of more than 2048 corners.
-pub fn triangulate(corners: &[[f64; 3]]) -> Result<Cut, String> {
-    let fan = || (2..corners.len()).map(|c| [0, c - 1, c]).collect();
+pub fn of(corners: &[u32], positions: &[[f64; 3]]) -> Result<Cut, String> {
     if corners.len() == 3 {
-        return Ok(Cut { triangles: fan(), is_simple: true });
+        return Ok(Cut { triangles: vec![[0, 1, 2]], is_simple: true });
     }
+    triangulate(&corners.iter().map(|&corner| positions[corner as usize]).collect::<Vec<_>>())
+}
+
+fn triangulate(corners: &[[f64; 3]]) -> Result<Cut, String> {
     let flat = project(corners);
     if is_convex(&flat) {
-        return Ok(Cut { triangles: fan(), is_simple: true });
+        return Ok(Cut { triangles: (2..corners.len()).map(|c| [0, c - 1, c]).collect(), is_simple: true });
     }
     if corners.len() > MAX_CONCAVE {
         return Err(format!("concave face of {} corners, more than {MAX_CONCAVE}", corners.len()));

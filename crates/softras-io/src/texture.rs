@@ -147,7 +147,10 @@ fn alpha(image: &DynamicImage) -> Option<Vec<f32>> {
 fn texels(image: DynamicImage, srgb: bool) -> Vec<[f32; 3]> {
     let value = |x: f32| if srgb { linear_from_srgb(x) } else { x };
     match image.color().bytes_per_pixel() / image.color().channel_count() {
-        1 => image.into_rgb8().pixels().map(|p| p.0.map(|x| value(f32::from(x) / 255.0))).collect(),
+        1 => {
+            let of_byte: [f32; 256] = std::array::from_fn(|byte| value(byte as f32 / 255.0));
+            image.into_rgb8().pixels().map(|p| p.0.map(|x| of_byte[usize::from(x)])).collect()
+        }
         2 => image.into_rgb16().pixels().map(|p| p.0.map(|x| value(f32::from(x) / 65535.0))).collect(),
         _ => image.into_rgb32f().pixels().map(|p| p.0.map(value)).collect(),
     }

@@ -278,8 +278,7 @@ impl Ply {
             notes.count(None, "faces of fewer than three corners are not drawn");
             return Ok(());
         }
-        let polygon: Vec<_> = corners.iter().map(|&v| self.positions[v as usize]).collect();
-        let cut = polygon::triangulate(&polygon).map_err(|what| format!("face {number}: {what}"))?;
+        let cut = polygon::of(&corners, &self.positions).map_err(|what| format!("face {number}: {what}"))?;
         if !cut.is_simple {
             notes.count(None, polygon::NOT_SIMPLE);
         }
