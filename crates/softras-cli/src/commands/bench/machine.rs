@@ -16,13 +16,11 @@ pub struct Machine {
     /// program.
     pub commit: Option<String>,
     pub threads: usize,
-    /// The measured peak in operations a second.
-    pub peak: f64,
 }
 
 impl Machine {
-    /// Describes an open device and its measured peak.
-    pub fn of(renderer: &Renderer, peak: f64) -> Self {
+    /// Describes an open device.
+    pub fn of(renderer: &Renderer) -> Self {
         let info = renderer.device_info();
         Self {
             device: info.name.clone(),
@@ -31,7 +29,6 @@ impl Machine {
             version: env!("CARGO_PKG_VERSION"),
             commit: commit(),
             threads: std::thread::available_parallelism().map_or(1, usize::from),
-            peak,
         }
     }
 
@@ -39,7 +36,7 @@ impl Machine {
     pub fn json(&self) -> Value {
         json!({
             "device": self.device, "device_kind": self.kind, "driver": self.driver, "version": self.version,
-            "commit": self.commit, "host_threads": self.threads, "peak_gflops": self.peak / 1e9,
+            "commit": self.commit, "host_threads": self.threads,
         })
     }
 
