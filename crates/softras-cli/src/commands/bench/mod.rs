@@ -30,9 +30,7 @@ pub fn run(args: &BenchArgs) -> Result<(), Failure> {
     let meshes = meshes(args, &outputs)?;
     let mut renderer = super::open_device(args.device.as_deref(), args.read.memory)?;
     let machine = Machine::of(&renderer);
-    for line in machine.lines() {
-        say(&line)?;
-    }
+    machine.lines.iter().try_for_each(|line| say(line))?;
     let s = args.settings(256);
     say(&format!(
         "sigma {:e}, gamma {:e}, tau {:e}, background {:?}; medians of {} runs, milliseconds",

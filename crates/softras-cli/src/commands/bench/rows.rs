@@ -96,17 +96,22 @@ pub struct Row {
     pub error: Option<f64>,
     pub untruncated: Option<f64>,
     stages: Vec<StageTime>,
-    common: Map<String, Value>,
+    common: Value,
 }
 
 /// The three rows of a job.
 pub fn rows(job: &Job<'_>, found: &Measured) -> Vec<Row> {
-    let (times, needed) = (&found.times, found.pairs.total());
-    let image = found.errors.map(|e| e[0].most);
-    let untruncated = found.errors.map(|e| e[1].most);
-    let boxed = found.pairs.boxed;
-    let [forward_dispatches, backward_dispatches, frame_dispatches] = found.dispatches;
-    let row = |pass, median, needed, (evaluated, dispatches), error, untruncated, stages: &[StageTime]| Row {
+    let (times, needed, boxed) = (&found.times, found.pairs.total(), found.pairs.boxed);
+    let image = found.errors.map(|errors| errors.map(|error| error.most));
+    let (image, gradient) = ([image.map(|e| e[0]), image.map(|e| e[1])], [found.gradient_error, None]);
+    let both = found.forward_pairs + boxed;
+    let passes = [
+        ("forward", times.forward, [needed, found.forward_pairs], image, &times.forward_stages),
+        ("backward", times.backward, [needed, boxed], gradient, &times.backward_stages),
+        ("frame", times.frame, [2 * needed, both], image, &times.frame_stages),
+    ];
+    let row = passes.into_iter().zip(found.dispatches);
+    row.map(|((pass, median, [needed, evaluated], [error, untruncated], stages), dispatches)| Row {
         scene: job.name.to_string(),
         faces: job.scene.meshes.iter().map(|mesh| mesh.triangles().len()).sum(),
         size: job.settings.height,
@@ -120,54 +125,20 @@ pub fn rows(job: &Job<'_>, found: &Measured) -> Vec<Row> {
         dispatches,
         error,
         untruncated,
-        stages: stages.to_vec(),
+        stages: stages.clone(),
         common: common(job, found),
-    };
-    vec![
-        row(
-            "forward",
-            times.forward,
-            needed,
-            (found.forward_pairs, forward_dispatches),
-            image,
-            untruncated,
-            &times.forward_stages,
-        ),
-        row(
-            "backward",
-            times.backward,
-            needed,
-            (boxed, backward_dispatches),
-            found.gradient_error,
-            None,
-            &times.backward_stages,
-        ),
-        row(
-            "frame",
-            times.frame,
-            2 * needed,
-            (found.forward_pairs + boxed, frame_dispatches),
-            image,
-            untruncated,
-            &times.frame_stages,
-        ),
-    ]
+    })
+    .collect()
 }
 
 /// The fields that tell whether two rows are comparable.
-fn common(job: &Job<'_>, found: &Measured) -> Map<String, Value> {
+fn common(job: &Job<'_>, found: &Measured) -> Value {
     let s = &job.settings;
-    let mut fields = Map::new();
-    let mut put = |key: &str, value: Value| _ = fields.insert(key.to_string(), value);
-    put("views", json!(job.cameras.len()));
-    put("repeats", json!(found.times.repeats));
-    put("sigma", json!(s.sigma));
-    put("gamma", json!(s.gamma));
-    put("tau", json!(s.tau));
-    put("settings", describe::settings(s));
-    put("rms_error", json!(found.errors.map(|e| e[0].rms)));
-    put("rms_error_untruncated", json!(found.errors.map(|e| e[1].rms)));
-    fields
+    json!({
+        "views": job.cameras.len(), "repeats": found.times.repeats, "sigma": s.sigma, "gamma": s.gamma, "tau": s.tau,
+        "settings": describe::settings(s), "rms_error": found.errors.map(|e| e[0].rms),
+        "rms_error_untruncated": found.errors.map(|e| e[1].rms),
+    })
 }
 
 impl Row {
@@ -182,12 +153,11 @@ impl Row {
             "pairs_needed": self.needed, "pairs_evaluated": self.evaluated,
             "dispatches": self.dispatches, "max_error": self.error, "max_error_untruncated": self.untruncated, "stages_ms": stages,
         });
-        for part in [own, machine.json()] {
+        for part in [own, machine.json.clone(), self.common.clone()] {
             if let Value::Object(part) = part {
                 fields.extend(part);
             }
         }
-        fields.extend(self.common.clone());
         Value::Object(fields)
     }
 
