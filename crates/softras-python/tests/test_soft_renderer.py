@@ -321,6 +321,49 @@ def test_the_fork_of_umr_returns_faces_and_places(monkeypatch):
     assert not places.any() and set(info[0, 1].unique().tolist()) == {-1.0, 0.0, 1.0}
 
 
+class Doubled(torch.autograd.Function):
+    """A program's own function, which sees the images without their being read first."""
+
+    @staticmethod
+    def forward(ctx, images):
+        return 2 * images
+
+    @staticmethod
+    def backward(ctx, upstream):
+        return 2 * upstream
+
+
+def test_colours_are_rendered_when_they_are_read(monkeypatch):
+    """At once they are rendered only where those of the last images were read; values and gradients are the same."""
+    colors, start = torch.rand(1, 1, 1, 3), TRIANGLE + torch.tensor([0.0, 0.0, 3.0])
+    rendered, render = [], softras._scene.render
+    monkeypatch.setattr(softras._scene, "render", lambda scene, *rest: rendered.append(scene.late) or render(scene, *rest))
+    rasterizer = sr.SoftRasterizer(image_size=16, sigma_val=1e-3, fill_back=True)
+
+    def step(loss):
+        vertices, textures = start.clone().requires_grad_(), colors.clone().requires_grad_()
+        images = rasterizer(sr.Mesh(vertices, FACE, textures))
+        outline = (images[:, 3] * images[:, 3:].square()).sum()
+        # The images are those of the vertices as they were.
+        vertices.data.mul_(2.0)
+        value = outline if loss is None else outline + loss(images)
+        value.backward()
+        return value, vertices.grad, textures.grad
+
+    def square(images):
+        return torch.stack([images, images]).square().sum()
+
+    assert step(None)[2] is None and rendered == [True]
+    late = step(square)
+    assert rendered == [True, True, False] and rasterizer.colors_are_read
+    at_once = step(square)
+    assert rendered == [True, True, False, False] and late[2].any()
+    assert all(torch.equal(a, b) for a, b in zip(late, at_once))
+    rasterizer.colors_are_read = False
+    own = step(lambda images: Doubled.apply(images).square().sum() / 2)
+    assert torch.equal(own[2], late[2]) and rendered[-2:] == [True, False]
+
+
 def test_images_need_not_be_square():
     mesh = sr.Mesh(TRIANGLE, FACE)
     wide = seen(image_height=16, image_width=32).render_mesh(mesh)
@@ -338,7 +381,7 @@ def test_many_cells_are_refused_with_a_fix(monkeypatch):
     def full(*arguments, **names):
         raise softras.errors.LimitError("buffer `texels` needs 9 bytes, the device's limit is 8")
 
-    monkeypatch.setattr(softras.torch, "render", full)
+    monkeypatch.setattr(softras.torch, "_rendered", full)
     with pytest.raises(softras.errors.LimitError, match="1 × 1 faces with 1 cells each: use a smaller texture_res"):
         sr.SoftRasterizer(image_size=8)(sr.Mesh(TRIANGLE, FACE))
 
