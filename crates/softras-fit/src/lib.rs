@@ -88,7 +88,7 @@ pub use options::{FitOptions, Preset, Template};
 pub use paint::{Painted, Progress, Told};
 pub use pose::{Differentiation, Pose, PoseFit, PoseOptions, PoseSearch, PoseTarget, rotations};
 pub use regularizer::{Regularizer, laplacian_coordinates};
-pub use remesh::{evened, remeshed};
+pub use remesh::{evened, remeshed, remeshed_while};
 pub use run::ShapeRun;
 pub use schedule::Schedule;
 pub use scores::Scores;

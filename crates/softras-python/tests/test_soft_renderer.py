@@ -290,20 +290,6 @@ def test_modules_run_without_a_gpu(tmp_path):
     assert result.stdout.strip() == "3.0 cpu ['x'] __main__", result.stdout + result.stderr
 
 
-def test_scripts_of_the_official_package_run(tmp_path):
-    script = tmp_path / "script.py"
-    script.write_text(
-        "import sys, torch, soft_renderer as sr, soft_renderer.functional as srf\n"
-        "renderer = sr.SoftRenderer(image_size=8, camera_mode='look_at').cuda()\n"
-        "mesh = sr.Mesh.from_obj(sys.argv[1])\n"
-        "print(tuple(renderer.render_mesh(mesh).cuda().shape), srf.load_obj(sys.argv[1])[0].shape[0])\n"
-    )
-    softras.shapes.cube().save(tmp_path / "cube.obj")
-    command = [sys.executable, "-m", "softras.soft_renderer", str(script), str(tmp_path / "cube.obj")]
-    result = subprocess.run(command, capture_output=True, text=True, timeout=120)
-    assert result.stdout.strip() == "(1, 4, 8, 8) 8", result.stdout + result.stderr
-
-
 def test_the_fork_of_umr_returns_faces_and_places(monkeypatch):
     monkeypatch.setattr(sr.SoftRasterizer, "returns_info", True)
     # Two faces on the left and on the right, and a third behind the second.
@@ -362,6 +348,19 @@ def test_colours_are_rendered_when_they_are_read(monkeypatch):
     rasterizer.colors_are_read = False
     own = step(lambda images: Doubled.apply(images).square().sum() / 2)
     assert torch.equal(own[2], late[2]) and rendered[-2:] == [True, False]
+
+
+def test_compiled_code_and_functional_gradients():
+    rasterizer, start = sr.SoftRasterizer(image_size=16, sigma_val=1e-3, fill_back=True), TRIANGLE + torch.tensor([0.0, 0.0, 3.0])
+
+    def loss(vertices):
+        images = rasterizer(sr.Mesh(vertices, FACE))
+        return images[:, 3].mean() + images[:, :3].square().sum()
+
+    for function in (loss, torch.compile(loss, backend="eager")):
+        vertices = start.clone().requires_grad_()
+        function(vertices).backward()
+        assert torch.equal(vertices.grad, torch.func.grad(loss)(start)) and vertices.grad.any()
 
 
 def test_images_need_not_be_square():

@@ -71,7 +71,7 @@ impl View {
     }
 
     fn shown(&self, options: &Options, renderer: &mut Renderer) -> Result<(Vec<Picture>, Vec<String>)> {
-        let limits = renderer.device_info().limits.clone();
+        let limits = renderer.device_info().limits;
         let (mut studio, about) = Studio::new(self.loaded.clone(), options.clone(), &[Output::Color], false, &limits)?;
         let (mut frames, mut is_seen) = (Vec::new(), false);
         for moment in animation::moments(options) {

@@ -110,7 +110,8 @@ class Scene:
             base = template if isinstance(template, Mesh) else bare.get((id(template), len(positions)))
             if base is None:
                 base = bare[id(template), len(positions)] = Mesh(positions, template)
-            found.append(base.with_positions(positions).with_look(**given))
+            moved = base.with_positions(positions)
+            found.append(moved.with_look(**given) if given else moved)
         return found
 
     def seen(self, values: Dict[str, np.ndarray]) -> List[Camera]:

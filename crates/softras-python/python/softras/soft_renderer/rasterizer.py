@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any, Optional
 
+import torch
 import torch.nn.functional as F
 from torch import nn
 
@@ -76,7 +77,8 @@ class SoftRasterizer(nn.Module):
             tuple(side * (2 if self.anti_aliasing else 1) for side in self._sides()),
             {name: getattr(self, name) for name in OPTIONS},
             self.exact_gradients,
-            self,
+            # Neither compiled code nor `torch.func` takes images that are not plain tensors.
+            None if torch.compiler.is_compiling() or torch._C._are_functorch_transforms_active() else self,
         )
         images = F.avg_pool2d(images, kernel_size=2, stride=2) if self.anti_aliasing else images
         return (images, *self._info(mesh)) if self.returns_info else images
@@ -102,16 +104,5 @@ class Rasterizer(SoftRasterizer):
         eps: Number = 1e-6,
         texture_type: str = "surface",
     ) -> None:
-        super().__init__(
-            image_size,
-            background_color,
-            near,
-            far,
-            anti_aliasing,
-            fill_back,
-            eps,
-            dist_func="hard",
-            aggr_func_rgb="hard",
-            aggr_func_alpha="hard",
-            texture_type=texture_type,
-        )
+        hard = dict.fromkeys(("dist_func", "aggr_func_rgb", "aggr_func_alpha"), "hard")
+        super().__init__(image_size, background_color, near, far, anti_aliasing, fill_back, eps, texture_type=texture_type, **hard)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from typing import Any, Optional
 
 import torch
@@ -52,37 +53,14 @@ class SoftRenderer(nn.Module):
         image_height: Optional[int] = None,
         image_width: Optional[int] = None,
     ) -> None:
+        named = dict(locals())
         super().__init__()
-        self.lighting = Lighting(
-            light_mode,
-            light_intensity_ambient,
-            light_color_ambient,
-            light_intensity_directionals,
-            light_color_directionals,
-            light_directions,
-        )
+        ambient, directional = (light_intensity_ambient, light_color_ambient), (light_intensity_directionals, light_color_directionals)
+        self.lighting = Lighting(light_mode, *ambient, *directional, light_directions)
         self.transform = Transform(
             camera_mode, P, dist_coeffs, orig_size, perspective, viewing_angle, viewing_scale, eye, camera_direction
         )
-        self.rasterizer = SoftRasterizer(
-            image_size,
-            background_color,
-            near,
-            far,
-            anti_aliasing,
-            fill_back,
-            eps,
-            sigma_val,
-            dist_func,
-            dist_eps,
-            gamma_val,
-            aggr_func_rgb,
-            aggr_func_alpha,
-            texture_type,
-            exact_gradients,
-            image_height,
-            image_width,
-        )
+        self.rasterizer = SoftRasterizer(**{name: named[name] for name in inspect.signature(SoftRasterizer).parameters})
 
     def set_sigma(self, sigma: Number) -> None:
         """Sets the softness of edges."""

@@ -38,10 +38,10 @@ def _settings(
     if aggr_func_alpha not in _ALPHA:
         raise InputError(f"aggr_func_alpha is {aggr_func_alpha!r}: use hard, sum or prod")
 
-    def number(x: torch.Tensor) -> float:
+    def number(x) -> float:
         return float(x.detach()) if isinstance(x, torch.Tensor) else float(x)
 
-    def rounded(x: torch.Tensor) -> float:
+    def rounded(x) -> float:
         # The official kernels take float32.
         return float(np.float32(number(x)))
 
@@ -142,6 +142,7 @@ def soft_rasterize(
     return rasterized(corners, _apart(count), textures, texture_type, image_size, options, exact_gradients)
 
 
+@torch.compiler.disable
 def rasterized(vertices, faces, textures, texture_type, image_size, options, exact_gradients, state=None) -> torch.Tensor:
     """The images of meshes on the screen. With a `state`, colours wait until they are read, unless the last images' were."""
     batch, count = len(vertices), faces.shape[-2]
@@ -149,7 +150,6 @@ def rasterized(vertices, faces, textures, texture_type, image_size, options, exa
     given = {"positions": vertices.float(), look: textures.float()}
     constants = {"settings": _settings(image_size, **options), "mode": "exact" if exact_gradients else "paper"}
     scene, flat = _scene.build(given, {}, faces, [Camera.screen()] * batch, constants, torch.Tensor, softras_torch._host)
-    state = None if torch._C._are_functorch_transforms_active() else state
     scene.late = state is not None and not state.colors_are_read
 
     def tried(call):
