@@ -11,14 +11,13 @@ pub struct Machine {
     pub device: String,
     /// The lines above the table.
     pub lines: [String; 2],
-    /// The measured peak in operations a second.
-    pub peak: f64,
-    json: Value,
+    /// The fields that every row carries.
+    pub json: Value,
 }
 
 impl Machine {
-    /// Describes an open device and its measured peak.
-    pub fn of(renderer: &Renderer, peak: f64) -> Self {
+    /// Describes an open device.
+    pub fn of(renderer: &Renderer) -> Self {
         let (info, version, commit) = (renderer.device_info(), env!("CARGO_PKG_VERSION"), commit());
         let threads = std::thread::available_parallelism().map_or(1, usize::from);
         let (device, kind, driver) =
@@ -31,14 +30,7 @@ impl Machine {
         let commit = commit.map(|c| format!(", commit {c}")).unwrap_or_default();
         let lines =
             [format!("{device} ({kind}, {driver}), {threads} host threads"), format!("softras {version}{commit}")];
-        Self { device: device.clone(), lines, peak, json }
-    }
-
-    /// The fields that every row carries.
-    pub fn json(&self) -> Value {
-        let mut json = self.json.clone();
-        json["peak_gflops"] = json!(self.peak / 1e9);
-        json
+        Self { device: device.clone(), lines, json }
     }
 }
 

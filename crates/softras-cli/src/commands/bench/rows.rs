@@ -5,9 +5,9 @@ use crate::commands::describe;
 use serde_json::{Map, Value, json};
 use softras::StageTime;
 use softras::{Camera, Renderer, Result, Scene, Settings};
+use softras_lab::measure::Mode;
 use softras_lab::measure::error::{self, ImageError};
 use softras_lab::measure::time::{Times, times, upstream};
-use softras_lab::measure::{Mode, floor};
 use softras_reference::Pairs;
 use softras_reference::ReferenceFrame;
 
@@ -90,8 +90,6 @@ pub struct Row {
     /// The median divided by that of the same pass of colour and silhouette, if that was measured.
     pub of_full: Option<f64>,
     pub device: f64,
-    /// The least operations of all needed pairs.
-    pub operations: f64,
     pub needed: u64,
     pub evaluated: u64,
     pub dispatches: u32,
@@ -104,18 +102,16 @@ pub struct Row {
 /// The three rows of a job.
 pub fn rows(job: &Job<'_>, found: &Measured) -> Vec<Row> {
     let (times, needed, boxed) = (&found.times, found.pairs.total(), found.pairs.boxed);
-    let least = [floor::forward_operations(job.mode), floor::backward_operations(job.mode)];
-    let [forward, backward] = least.map(|operations| needed as f64 * operations);
     let image = found.errors.map(|errors| errors.map(|error| error.most));
     let (image, gradient) = ([image.map(|e| e[0]), image.map(|e| e[1])], [found.gradient_error, None]);
     let both = found.forward_pairs + boxed;
     let passes = [
-        ("forward", times.forward, forward, [needed, found.forward_pairs], image, &times.forward_stages),
-        ("backward", times.backward, backward, [needed, boxed], gradient, &times.backward_stages),
-        ("frame", times.frame, forward + backward, [2 * needed, both], image, &times.frame_stages),
+        ("forward", times.forward, [needed, found.forward_pairs], image, &times.forward_stages),
+        ("backward", times.backward, [needed, boxed], gradient, &times.backward_stages),
+        ("frame", times.frame, [2 * needed, both], image, &times.frame_stages),
     ];
     let row = passes.into_iter().zip(found.dispatches);
-    row.map(|((pass, median, operations, [needed, evaluated], [error, untruncated], stages), dispatches)| Row {
+    row.map(|((pass, median, [needed, evaluated], [error, untruncated], stages), dispatches)| Row {
         scene: job.name.to_string(),
         faces: job.scene.meshes.iter().map(|mesh| mesh.triangles().len()).sum(),
         size: job.settings.height,
@@ -124,7 +120,6 @@ pub fn rows(job: &Job<'_>, found: &Measured) -> Vec<Row> {
         median,
         of_full: None,
         device: stages.iter().map(|t| t.milliseconds).sum(),
-        operations,
         needed,
         evaluated,
         dispatches,
@@ -147,11 +142,6 @@ fn common(job: &Job<'_>, found: &Measured) -> Value {
 }
 
 impl Row {
-    /// The least milliseconds that the work can take at a peak rate in operations a second.
-    pub fn floor(&self, peak: f64) -> f64 {
-        self.operations / peak * 1e3
-    }
-
     /// The row as JSON, with the machine.
     pub fn json(&self, machine: &Machine) -> Value {
         let stages: Map<String, Value> =
@@ -159,11 +149,11 @@ impl Row {
         let mut fields = Map::new();
         let own = json!({
             "scene": self.scene, "faces": self.faces, "size": self.size, "mode": self.mode, "pass": self.pass,
-            "median_ms": self.median, "of_full": self.of_full, "device_ms": self.device, "floor_ms": self.floor(machine.peak),
+            "median_ms": self.median, "of_full": self.of_full, "device_ms": self.device,
             "pairs_needed": self.needed, "pairs_evaluated": self.evaluated,
             "dispatches": self.dispatches, "max_error": self.error, "max_error_untruncated": self.untruncated, "stages_ms": stages,
         });
-        for part in [own, machine.json(), self.common.clone()] {
+        for part in [own, machine.json.clone(), self.common.clone()] {
             if let Value::Object(part) = part {
                 fields.extend(part);
             }
@@ -187,7 +177,7 @@ impl Row {
     /// The headings of the columns of [`Row::text`].
     pub fn head() -> String {
         format!(
-            "{:12} {:>7} {:>5} {:16} {:8} {:>9} {:>7} {:>9} {:>9} {:>7} {:>9} {:>10} {:>5} {:>9}",
+            "{:12} {:>7} {:>5} {:16} {:8} {:>9} {:>7} {:>9} {:>9} {:>10} {:>5} {:>9}",
             "scene",
             "faces",
             "size",
@@ -196,8 +186,6 @@ impl Row {
             "median",
             "of full",
             "device",
-            "floor",
-            "x floor",
             "needed",
             "evaluated",
             "disp.",
@@ -206,10 +194,9 @@ impl Row {
     }
 
     /// A line of the table.
-    pub fn text(&self, peak: f64) -> String {
-        let floor = self.floor(peak);
+    pub fn text(&self) -> String {
         format!(
-            "{:12} {:>7} {:>5} {:16} {:8} {:>9.3} {:>7} {:>9.3} {:>9.3} {:>7.1} {:>9} {:>10} {:>5} {:>9}",
+            "{:12} {:>7} {:>5} {:16} {:8} {:>9.3} {:>7} {:>9.3} {:>9} {:>10} {:>5} {:>9}",
             self.scene,
             self.faces,
             self.size,
@@ -218,8 +205,6 @@ impl Row {
             self.median,
             self.of_full.map_or("-".to_string(), |share| format!("{share:.2}")),
             self.device,
-            floor,
-            self.median / floor,
             self.needed,
             self.evaluated,
             self.dispatches,
