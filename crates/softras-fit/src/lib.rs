@@ -58,6 +58,7 @@ mod refine;
 mod regions;
 mod regularizer;
 mod remesh;
+mod report;
 mod run;
 mod schedule;
 mod scores;
