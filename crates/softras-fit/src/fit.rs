@@ -11,7 +11,7 @@ use crate::{
     subject::{Subject, ViewsOfMesh},
     width,
 };
-use softras::{Mesh, Renderer, Result};
+use softras::{Lights, Mesh, Renderer, Result, Settings};
 use softras_io::{Budget, Views};
 use std::{ops::ControlFlow, path::Path, time::Instant};
 
@@ -88,7 +88,7 @@ impl Fit {
         }
         let views = setup.given.compared(&subject);
         let shape = ShapeFit::new(setup.template.clone(), subject.lights.clone(), setup.options.clone())?;
-        Ok(Fitting { subject, setup, run: ShapeRun::new(shape, &views), steps: Vec::new(), notes })
+        Ok(Fitting { subject, setup, run: ShapeRun::new(shape, &views), steps: Vec::new(), notes, taken_notes: 0 })
     }
 
     /// Fits to the end, or until `progress` breaks it.
@@ -129,8 +129,9 @@ pub struct Fitting {
     /// The steps with the views that are compared.
     pub(crate) run: ShapeRun,
     steps: Vec<Taken>,
-    /// What the user should know.
+    /// What the user should know, and how much of it was taken.
     pub(crate) notes: Vec<String>,
+    taken_notes: usize,
 }
 
 impl Fitting {
@@ -202,7 +203,8 @@ impl Fitting {
 
     /// Takes what the user should know since the last call: where the mesh was cut anew, and why it begins with what it does.
     pub fn take_notes(&mut self) -> Vec<String> {
-        std::mem::take(&mut self.notes)
+        let from = std::mem::replace(&mut self.taken_notes, self.notes.len());
+        self.notes[from..].to_vec()
     }
 
     /// Makes a texture for the best mesh and fits its texels, where one is to be made, until `told` breaks it.
@@ -230,8 +232,10 @@ impl Fitting {
         let scores = Scores::of(&mesh, &self.setup, &self.subject, renderer)?;
         let is_complete =
             self.next_step() == self.setup.iterations && painted.as_ref().is_none_or(|painted| painted.is_complete);
+        let settings = self.setup.settings(self.setup.iterations);
         let (options, view_stride) = (self.setup.options, self.setup.given.view_stride);
-        Ok(Fitted { mesh, scores, steps: self.steps, painted, is_complete, options, view_stride, notes: self.notes })
+        let (Subject { views, lights, .. }, steps, notes) = (self.subject, self.steps, self.notes);
+        Ok(Fitted { mesh, scores, steps, painted, is_complete, options, view_stride, notes, views, settings, lights })
     }
 
     /// Writes the state before the next step as an .npz file, which [`Fitting::resume`] reads.
@@ -281,6 +285,11 @@ pub struct Fitted {
     pub view_stride: usize,
     /// What the user should know.
     pub notes: Vec<String>,
+    /// The views as they were compared: cropped, with refined cameras and levelled exposures.
+    pub views: Views,
+    /// Settings and lights of the last step.
+    pub(crate) settings: Settings,
+    pub(crate) lights: Lights,
 }
 
 impl Fitted {

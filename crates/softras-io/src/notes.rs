@@ -3,18 +3,18 @@
 use softras::{Error, Result};
 use std::path::{Path, PathBuf};
 
-/// The most kinds of statements of a mesh file that are noted: a binary file has any number of unknown words.
-const MAX_KINDS: usize = 32;
 /// The most notes of all files: one in which every line is malformed is told of by the first few.
 const MAX_NOTES: usize = 128;
+/// The most of those that are counted: a binary file has any number of unknown words.
+const MAX_COUNTED: usize = MAX_NOTES / 2;
 
 /// What was met and is not kept.
 struct Note {
-    file: PathBuf,
+    /// `None` for the mesh file.
+    file: Option<PathBuf>,
     /// The first line with it, where the format has lines.
     line: Option<usize>,
-    /// How often it was met again.
-    more: usize,
+    times: usize,
     what: String,
 }
 
@@ -33,31 +33,24 @@ impl Notes {
 
     /// A note on the mesh file.
     pub fn add(&mut self, line: Option<usize>, what: impl Into<String>) {
-        let file = self.mesh.clone();
-        self.add_in(&file, line, what);
+        self.push(MAX_NOTES, Note { file: None, line, times: 1, what: what.into() });
     }
 
-    /// A note on the mesh file that is not repeated.
-    pub fn once(&mut self, what: &str) {
-        if !self.all.iter().any(|note| note.what == what) {
-            self.add(None, what);
+    /// A note on the mesh file that stands for all of the same text, with the first line and their number.
+    pub fn count(&mut self, line: impl Into<Option<usize>>, what: &str) {
+        match self.all.iter_mut().find(|note| note.what == what && note.file.is_none()) {
+            Some(note) => note.times += 1,
+            None => self.push(MAX_COUNTED, Note { file: None, line: line.into(), times: 1, what: what.into() }),
         }
     }
 
     /// A note on another file.
     pub fn add_in(&mut self, file: &Path, line: Option<usize>, what: impl Into<String>) {
-        self.push(Note { file: file.into(), line, more: 0, what: what.into() });
+        self.push(MAX_NOTES, Note { file: Some(file.into()), line, times: 1, what: what.into() });
     }
 
-    /// What was ignored in the mesh file.
-    pub(super) fn extend(&mut self, ignored: Ignored) {
-        for (what, line, times) in ignored.0 {
-            self.push(Note { file: self.mesh.clone(), line: Some(line), more: times - 1, what });
-        }
-    }
-
-    fn push(&mut self, note: Note) {
-        if self.all.len() < MAX_NOTES { self.all.push(note) } else { self.more += 1 }
+    fn push(&mut self, most: usize, note: Note) {
+        if self.all.len() < most { self.all.push(note) } else { self.more += 1 }
     }
 
     /// The notes as sentences.
@@ -65,15 +58,19 @@ impl Notes {
     /// # Errors
     /// [`Error::File`] for the first note, if they are not allowed.
     pub fn finish(self, strict: bool) -> Result<Vec<String>> {
+        let path = |note: &Note| note.file.as_ref().unwrap_or(&self.mesh).clone();
         let sentence = |note: &Note| {
-            let name = note.file.file_name().unwrap_or_default().to_string_lossy();
-            let line = note.line.map_or(String::new(), |line| format!(":{line}"));
-            let more = if note.more > 0 { format!(" and {} more", note.more) } else { String::new() };
-            format!("{name}{line}{more}: {}", note.what)
+            let name = path(note).file_name().unwrap_or_default().to_string_lossy().into_owned();
+            match note {
+                Note { line: Some(line), times: 1, what, .. } => format!("{name}:{line}: {what}"),
+                Note { line: Some(line), times, what, .. } => format!("{name}:{line} and {} more: {what}", times - 1),
+                Note { times: 1, what, .. } => format!("{name}: {what}"),
+                Note { times, what, .. } => format!("{name}: {what} ({times} in all)"),
+            }
         };
         match self.all.first() {
             Some(note) if strict => Err(Error::File {
-                path: note.file.clone(),
+                path: path(note),
                 line: note.line,
                 what: note.what.clone(),
                 fix: "correct the file, or read it without `strict` (--strict in the command), which draws the rest"
@@ -83,21 +80,6 @@ impl Notes {
                 let last = (self.more > 0).then(|| format!("and {} notes more", self.more));
                 Ok(self.all.iter().map(sentence).chain(last).collect())
             }
-        }
-    }
-}
-
-/// What was met in the mesh file, each kind once: the text of the note, the first line and the number of times.
-#[derive(Default)]
-pub(super) struct Ignored(Vec<(String, usize, usize)>);
-
-impl Ignored {
-    pub fn add(&mut self, note: impl Into<String>, line: usize) {
-        let note = note.into();
-        if let Some(entry) = self.0.iter_mut().find(|entry| entry.0 == note) {
-            entry.2 += 1;
-        } else if self.0.len() < MAX_KINDS {
-            self.0.push((note, line, 1));
         }
     }
 }

@@ -1,7 +1,7 @@
 //! Pictures of 8 bits a channel, arrays of floats, and the files of both.
 
 use crate::{failed, npy, output};
-use exr::prelude::{SpecificChannels, WritableImage};
+use exr::prelude::{AnyChannel, AnyChannels, FlatSamples, Image, WritableImage};
 use image::{ExtendedColorType, ImageEncoder, ImageResult, codecs::png::PngEncoder};
 use softras::{Error, Result};
 use std::{borrow::Cow, io::Cursor, path::Path};
@@ -141,23 +141,18 @@ impl Floats {
     /// # Errors
     /// [`Error::Io`] when the file cannot be written.
     pub fn save_exr(&self, path: &Path, name: &str) -> Result<()> {
-        let (size, channels) = ((self.width, self.height), self.channels);
-        let at = |p: exr::prelude::Vec2<usize>, c: usize| self.data[(p.1 * self.width + p.0) * channels + c];
-        let mut file = Cursor::new(Vec::new());
-        let written = match channels {
-            4 => {
-                let pixels = SpecificChannels::rgba(|p| (at(p, 0), at(p, 1), at(p, 2), at(p, 3)));
-                exr::prelude::Image::from_channels(size, pixels).write().non_parallel().to_buffered(&mut file)
-            }
-            3 => {
-                let pixels = SpecificChannels::rgb(|p| (at(p, 0), at(p, 1), at(p, 2)));
-                exr::prelude::Image::from_channels(size, pixels).write().non_parallel().to_buffered(&mut file)
-            }
-            _ => {
-                let pixels = SpecificChannels::build().with_channel(name).with_pixel_fn(|p| (at(p, 0),));
-                exr::prelude::Image::from_channels(size, pixels).write().non_parallel().to_buffered(&mut file)
-            }
+        let names = match self.channels {
+            channels @ (3 | 4) => &["R", "G", "B", "A"][..channels],
+            _ => &[name],
         };
+        let channel = |(k, name): (usize, &&str)| {
+            let samples = self.data.iter().skip(k).step_by(self.channels).copied().collect();
+            AnyChannel::new(*name, FlatSamples::F32(samples))
+        };
+        let channels = AnyChannels::sort(names.iter().enumerate().map(channel).collect());
+        let mut file = Cursor::new(Vec::new());
+        let written =
+            Image::from_channels((self.width, self.height), channels).write().non_parallel().to_buffered(&mut file);
         written.map_err(|e| failed(path, e))?;
         output::write_file(path, file.get_ref())
     }

@@ -5,7 +5,7 @@ use image::{
     DynamicImage, ImageDecoder, ImageFormat, ImageReader, ImageResult, Limits, RgbaImage, metadata::Orientation,
 };
 use softras::{Error, Result};
-use std::{io::BufReader, path::Path};
+use std::path::Path;
 
 /// The largest side of a picture.
 pub const MAX_SIDE: u32 = 16384;
@@ -49,16 +49,11 @@ impl PictureFile {
     /// # Errors
     /// As [`input::open`]; [`Error::File`] for what is no picture or has sides of 0 or more than 16384 pixels.
     pub fn open(path: &Path) -> Result<Self> {
-        let file = input::open(path)?;
-        let file_bytes = file.metadata().map_or(0, |metadata| metadata.len());
+        let file_bytes = input::open(path)?.metadata().map_or(0, |metadata| metadata.len());
         input::refuse_empty(path, file_bytes)?;
         let refuse = |error| refuse(path, &error);
         let io = |error| refuse(image::ImageError::IoError(error));
-        let mut reader = ImageReader::new(BufReader::new(file));
-        if let Ok(format) = ImageFormat::from_path(path) {
-            reader.set_format(format);
-        }
-        let mut reader = reader.with_guessed_format().map_err(io)?;
+        let mut reader = ImageReader::open(path).and_then(ImageReader::with_guessed_format).map_err(io)?;
         let is_lossy = matches!(reader.format(), Some(ImageFormat::Jpeg | ImageFormat::WebP));
         let mut limits = limits();
         // The caller counts pixels; this is for what a decoder needs besides them.
@@ -67,16 +62,15 @@ impl PictureFile {
         let mut decoder: Box<dyn ImageDecoder> = Box::new(reader.into_decoder().map_err(refuse)?);
         // What cannot be read of the orientation changes nothing.
         let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
-        let (width, height) = match (orientation, decoder.dimensions()) {
-            (
-                Orientation::Rotate90
-                | Orientation::Rotate270
-                | Orientation::Rotate90FlipH
-                | Orientation::Rotate270FlipH,
-                (width, height),
-            ) => (height, width),
-            (_, size) => size,
-        };
+        let is_upright = matches!(
+            orientation,
+            Orientation::NoTransforms
+                | Orientation::Rotate180
+                | Orientation::FlipHorizontal
+                | Orientation::FlipVertical
+        );
+        let (columns, rows) = decoder.dimensions();
+        let (width, height) = if is_upright { (columns, rows) } else { (rows, columns) };
         if width.min(height) == 0 || width.max(height) > MAX_SIDE {
             let what = format!("is {width}×{height} pixels");
             return Err(fault(path, what, format!("use 1 to {MAX_SIDE} pixels a side")));

@@ -46,10 +46,23 @@ pub struct Loaded {
     /// Where the mesh's origin lies in the file's coordinates: 0, but for a mesh that lies so far from there that 32-bit numbers
     /// would lose its shape.
     pub origin: [f64; 3],
+    /// Whether the format says that y is up, as glTF does.
+    pub y_is_up: bool,
+    /// The names of the file's materials that triangles have.
+    pub materials: Vec<String>,
     /// What the file contains and the mesh does not, each with its line.
     pub notes: Vec<String>,
     /// All files that were read: the mesh file first, then its materials and textures.
     pub files: Vec<PathBuf>,
+}
+
+impl From<Mesh> for Loaded {
+    /// A mesh of no file.
+    fn from(mesh: Mesh) -> Self {
+        let (normals, opacity, unlit, origin, y_is_up) = Default::default();
+        let (materials, notes, files) = Default::default();
+        Self { mesh, normals, opacity, unlit, origin, y_is_up, materials, notes, files }
+    }
 }
 
 impl Loaded {
@@ -114,6 +127,8 @@ pub struct Source<'a> {
     pub opacity: Vec<f32>,
     pub unlit: bool,
     pub origin: [f64; 3],
+    pub y_is_up: bool,
+    pub materials: Vec<String>,
     /// Bytes of memory that the files still to be read may take.
     left: u64,
     /// Bytes of the mesh and material files that were read.
@@ -145,6 +160,8 @@ impl<'a> Source<'a> {
             opacity: Vec::new(),
             unlit: false,
             origin: [0.0; 3],
+            y_is_up: false,
+            materials: Vec::new(),
             left,
             read: 0,
         }
@@ -192,11 +209,9 @@ impl<'a> Source<'a> {
             self.notes.add(None, "normals are not used: the file draws its vertices too many times");
             return;
         }
-        let bad = of_vertex.iter().filter(|normal| !normal.iter().all(|x| x.is_finite())).count();
-        if bad > 0 {
-            self.notes.add(None, format!("normals that are not finite are not used ({bad} in all)"));
-        }
         let finite = |normal: &&[f32; 3]| normal.iter().all(|x| x.is_finite());
+        let bad = of_vertex.iter().filter(|normal| !finite(normal));
+        bad.for_each(|_| self.notes.count(None, "normals that are not finite are not used"));
         let normal = |corner: u32| of_vertex.get(corner as usize).filter(finite).copied().unwrap_or_default();
         self.normals = triangles.iter().map(|triangle| triangle.map(normal)).collect();
     }
@@ -244,7 +259,7 @@ impl<'a> Source<'a> {
             self.notes.add(None, "a texture is wholly transparent (alpha 0): its triangles are invisible");
         }
         let notes = self.notes.finish(self.options.strict)?;
-        let Self { normals, opacity, unlit, origin, files, .. } = self;
-        Ok(Loaded { mesh, normals, opacity, unlit, origin, notes, files })
+        let Self { normals, opacity, unlit, origin, y_is_up, materials, files, .. } = self;
+        Ok(Loaded { mesh, normals, opacity, unlit, origin, y_is_up, materials, notes, files })
     }
 }

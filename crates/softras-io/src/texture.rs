@@ -3,6 +3,7 @@
 use crate::{
     input,
     picture_file::{self, BYTES_PER_PIXEL, MAX_SIDE},
+    source::Source,
     textures::Room,
 };
 use image::{DynamicImage, ImageDecoder, ImageReader};
@@ -10,7 +11,11 @@ use softras::{
     Result,
     scene::{Texture, Wrap},
 };
-use std::io::{BufRead, Seek, SeekFrom};
+use std::{
+    fs,
+    io::{BufRead, Seek},
+    path::Path,
+};
 
 /// A decoded image.
 pub struct Decoded {
@@ -30,32 +35,38 @@ impl Decoded {
     }
 }
 
-/// Decodes an image of at most `room` texels, from sRGB to linear values if so asked.
+/// Reads an image file, as [`decode`], and adds it to the files that were read.
+///
+/// # Errors
+/// What is wrong with it.
+pub fn read(source: &mut Source, path: &Path, srgb: bool, room: Room) -> std::result::Result<Decoded, String> {
+    let length = fs::metadata(path).map_err(|error| error.to_string())?.len();
+    let decoded = decode(ImageReader::open(path).map_err(|error| error.to_string())?, length, srgb, room)?;
+    if !source.files.iter().any(|file| file == path) {
+        source.files.push(path.into());
+    }
+    Ok(decoded)
+}
+
+/// Decodes an image of so many bytes and at most `room` texels, from sRGB to linear values if so asked.
 ///
 /// # Errors
 /// What is wrong with it.
 pub fn decode<R: BufRead + Seek>(
     reader: ImageReader<R>,
+    length: u64,
     srgb: bool,
     room: Room,
 ) -> std::result::Result<Decoded, String> {
     let undecodable = |error: image::ImageError| {
         format!("{error} (use a PNG or JPEG of at most {MAX_SIDE}×{MAX_SIDE} pixels: magick IN OUT.png)")
     };
-    let format = reader.format();
-    let mut file = reader.into_inner();
-    let length = file.seek(SeekFrom::End(0)).and_then(|length| file.rewind().map(|()| length));
-    let most = room.texels(length.map_err(|error| error.to_string())?);
-    let mut reader = ImageReader::new(file);
-    if let Some(format) = format {
-        reader.set_format(format);
-    }
     // The format is guessed from the content, because the name may be wrong.
     let mut reader = reader.with_guessed_format().map_err(|error| error.to_string())?;
     reader.limits(picture_file::limits());
     let decoder = reader.into_decoder().map_err(undecodable)?;
     let (width, height) = decoder.dimensions();
-    make_room(width, height, most)?;
+    make_room(width, height, room.texels(length))?;
     let image = picture_file::decoded(decoder, picture_file::limits()).map_err(undecodable)?;
     let alpha = alpha(&image);
     Ok(Decoded { width, height, texels: texels(image, srgb), alpha })

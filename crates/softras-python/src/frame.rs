@@ -1,13 +1,14 @@
 //! Frames: the images of a batch, and their gradients.
 
-use crate::arrays::image_array;
+use crate::arrays::{image, image_array};
 use crate::exceptions::exception;
-use crate::gradients::{Gradients, Shapes, Upstream};
+use crate::gradients::{self, Gradients, Shapes};
 use crate::renderer::Shared;
 use crate::settings::wanted;
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
-use softras::{GradientRequest, Image, Scene};
+use pyo3::types::PyDict;
+use softras::{GradientRequest, Image, ImageGradient, Scene};
 use std::sync::Arc;
 
 /// A rendered batch, with the renderer that made it.
@@ -80,13 +81,14 @@ impl Frame {
         py: Python<'_>,
         by: Option<&Bound<'_, PyAny>>,
         mode: &str,
-        upstream: Option<Upstream<'_>>,
+        upstream: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Gradients> {
         if !self.saved {
             let text = "backward: the frame was rendered for looking at only: render it with save=True";
             return Err(exception("BackwardError", text));
         }
-        let upstream = upstream.unwrap_or_default().images()?;
+        let [color, silhouette, depth, normal] = gradients::upstream(upstream, image)?;
+        let upstream = ImageGradient { color, silhouette, depth, normal };
         let wanted = match by {
             Some(by) => wanted(by, mode)?,
             None => GradientRequest { mode: crate::settings::gradient_mode(mode)?, ..GradientRequest::default() },

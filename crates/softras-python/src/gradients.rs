@@ -1,46 +1,32 @@
 //! Upstream gradients from arrays, and gradients as arrays.
 
-use crate::arrays::{self, image};
+use crate::arrays;
 use crate::exceptions::bad_input;
 use numpy::{PyArray1, PyArrayMethods};
 use pyo3::IntoPyObjectExt;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use softras::GradientRequest;
 use softras::scene::Appearance;
-use softras::{GradientRequest, ImageGradient};
 
-/// The keyword arguments `color`, `silhouette`, `depth` and `normal`.
-#[derive(Default)]
-pub struct Upstream<'py>(Vec<(String, Bound<'py, PyAny>)>);
+/// The images, with their channels.
+pub const IMAGES: [(&str, usize); 4] = [("color", 3), ("silhouette", 1), ("depth", 1), ("normal", 3)];
 
-impl<'py> FromPyObject<'_, 'py> for Upstream<'py> {
-    type Error = PyErr;
-
-    fn extract(object: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
-        let given = object.cast::<PyDict>()?;
-        let one = |(name, value): (Bound<'py, PyAny>, Bound<'py, PyAny>)| Ok((name.extract()?, value));
-        given.iter().filter(|(_, value)| !value.is_none()).map(one).collect::<PyResult<_>>().map(Self)
+/// The keyword arguments of upstream gradients, in the order of the images, each read with its name and channels.
+pub fn upstream<T>(
+    given: Option<&Bound<'_, PyDict>>,
+    read: impl Fn(&Bound<'_, PyAny>, &str, usize) -> PyResult<T>,
+) -> PyResult<[Option<T>; 4]> {
+    let mut all = [None, None, None, None];
+    for (name, value) in given.iter().flat_map(|given| given.iter()).filter(|(_, value)| !value.is_none()) {
+        let name: String = name.extract()?;
+        let Some(at) = IMAGES.iter().position(|(known, _)| *known == name) else {
+            let fix = "use color, silhouette, depth and normal";
+            return Err(bad_input(format!("an upstream gradient of {name:?}"), fix));
+        };
+        all[at] = Some(read(&value, &name, IMAGES[at].1)?);
     }
-}
-
-impl Upstream<'_> {
-    /// As the library takes them.
-    pub fn images(&self) -> PyResult<ImageGradient> {
-        let mut all = ImageGradient::default();
-        for (name, value) in &self.0 {
-            match name.as_str() {
-                "color" => all.color = Some(image(value, name, 3)?),
-                "silhouette" => all.silhouette = Some(image(value, name, 1)?),
-                "depth" => all.depth = Some(image(value, name, 1)?),
-                "normal" => all.normal = Some(image(value, name, 3)?),
-                _ => {
-                    let fix = "use color, silhouette, depth and normal";
-                    return Err(bad_input(format!("an upstream gradient of {name:?}"), fix));
-                }
-            }
-        }
-        Ok(all)
-    }
+    Ok(all)
 }
 
 /// The shapes of a mesh's arrays that its gradient has as well.
@@ -176,33 +162,35 @@ impl Gradients {
     }
 }
 
+/// The names of what is there.
+fn names(present: &[(&str, bool)]) -> String {
+    present.iter().filter(|(_, present)| *present).map(|(name, _)| format!(", {name}")).collect()
+}
+
 #[pymethods]
 impl MeshGradients {
     fn __repr__(&self) -> String {
-        let present = [
+        let names = names(&[
             ("positions", self.positions.is_some()),
             ("colors", self.colors.is_some()),
             ("surface", self.surface.is_some()),
             ("textures", self.textures.is_some()),
             ("alphas", self.alphas.is_some()),
             ("uvs", self.uvs.is_some()),
-        ];
-        let names: Vec<_> = present.iter().filter(|(_, present)| *present).map(|(name, _)| *name).collect();
-        format!("softras.MeshGradients({})", names.join(", "))
+        ]);
+        format!("softras.MeshGradients({})", names.trim_start_matches(", "))
     }
 }
 
 #[pymethods]
 impl Gradients {
     fn __repr__(&self) -> String {
-        let present = [
+        let names = names(&[
             ("cameras", self.twists.is_some()),
             ("lights", self.ambient_color.is_some()),
             ("background", self.background.is_some()),
             ("scalars", self.sigma.is_some()),
-        ];
-        let names: String =
-            present.iter().filter(|(_, present)| *present).map(|(name, _)| format!(", {name}")).collect();
+        ]);
         format!("softras.Gradients({} meshes{names})", self.meshes.len())
     }
 }

@@ -11,6 +11,8 @@ use softras::glam::DVec3;
 use softras::{Scene, Settings};
 use softras_fit::{Regularizer, Topology, Voxels};
 use softras_lab::check::{Case, cases, compare};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 /// The volume of the intersection of two solids over that of their union, counted in resolution³ voxels around both.
@@ -47,11 +49,13 @@ pub fn blurred_mask(mask: &Bound<'_, PyAny>, sigma: f64, sheets: f64) -> PyResul
 /// The mesh with triangles of about the given edge length; vertices come in a new order. Raises FitError.
 #[pyfunction]
 pub fn remesh(py: Python<'_>, mesh: &Mesh, edge_length: f64) -> PyResult<Mesh> {
-    let mesh = mesh.mesh.clone();
-    let work = std::thread::spawn(move || softras_fit::remeshed(&mesh, edge_length..=edge_length));
+    let (mesh, stopped) = (mesh.mesh.clone(), Arc::new(AtomicBool::new(false)));
+    let seen = stopped.clone();
+    let goes_on = move || !seen.load(Ordering::Relaxed);
+    let work = std::thread::spawn(move || softras_fit::remeshed_while(&mesh, edge_length..=edge_length, &goes_on));
     while !work.is_finished() {
-        // Ctrl-C leaves the thread to end by itself.
-        py.check_signals()?;
+        // After Ctrl-C the thread ends by itself, with its step.
+        py.check_signals().inspect_err(|_| stopped.store(true, Ordering::Relaxed))?;
         py.detach(|| std::thread::sleep(Duration::from_millis(2)));
     }
     let found = work.join().map_err(|_| exception("Error", "the mesh cannot be remeshed: report it with the mesh"))?;

@@ -299,19 +299,13 @@ impl Mesh {
 
     fn __reduce__(&self, py: Python<'_>) -> PyResult<(Py<PyAny>, Py<PyAny>)> {
         let look = PyDict::new(py);
-        match self.mesh.appearance() {
-            Appearance::Uniform(_) | Appearance::VertexColors(_) => look.set_item("colors", self.colors(py)?)?,
-            Appearance::Surface { .. } => look.set_item("surface", self.surface(py)?)?,
-            Appearance::Textured { texture_of_triangle, .. } => {
-                look.set_item("uvs", self.uvs(py)?)?;
-                look.set_item("uv_triangles", self.uv_triangles(py)?)?;
-                look.set_item("textures", self.textures(py)?)?;
-                look.set_item("wrap", self.wrap())?;
-                if !texture_of_triangle.is_empty() {
-                    look.set_item("texture_of_triangle", self.texture_of_triangle(py))?;
-                }
-            }
-        }
+        look.set_item("colors", self.colors(py)?)?;
+        look.set_item("surface", self.surface(py)?)?;
+        look.set_item("uvs", self.uvs(py)?)?;
+        look.set_item("uv_triangles", self.uv_triangles(py)?)?;
+        look.set_item("textures", self.textures(py)?)?;
+        look.set_item("texture_of_triangle", self.texture_of_triangle(py))?;
+        look.set_item("wrap", self.wrap())?;
         let rebuild = py.import("softras._rebuild")?.getattr("mesh")?;
         let parts = (self.positions(py)?, self.triangles(py)?, look, self.normals(py)?);
         Ok((rebuild.unbind(), parts.into_py_any(py)?))

@@ -2,7 +2,7 @@
 
 use crate::arrays::{array, doubles, shaped};
 use crate::exceptions::{Raise, bad_input};
-use crate::gradients::{Gradients, MeshGradients};
+use crate::gradients::{self, Gradients, IMAGES, MeshGradients};
 use crate::renderer::Inputs;
 use crate::settings::gradient_mode;
 use numpy::{PyArray1, PyArrayMethods};
@@ -47,30 +47,27 @@ fn replace(values: &mut [f64], start: usize, count: usize, by: &Bound<'_, PyAny>
 }
 
 /// The parameters of a scene, with positions and colours in double precision where they are given.
-fn parameters(
+fn parameters<'py>(
     inputs: &Inputs,
-    positions: Option<&Bound<'_, PyAny>>,
-    colors: Option<&Bound<'_, PyAny>>,
+    positions: Option<&Bound<'py, PyAny>>,
+    colors: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Parameters> {
     let mut all = Parameters::new(&inputs.scene, &inputs.cameras, &inputs.settings);
     let starts = starts(&all, inputs);
-    let each = |given: Option<&Bound<'_, PyAny>>| -> PyResult<Vec<Py<PyAny>>> {
-        let Some(given) = given else { return Ok(Vec::new()) };
-        given.try_iter()?.map(|one| one.map(Bound::unbind)).collect()
+    let each = |given: Option<&Bound<'py, PyAny>>| -> PyResult<Vec<Bound<'py, PyAny>>> {
+        given.map_or(Ok(Vec::new()), |given| given.try_iter()?.collect())
     };
     let (positions, colors) = (each(positions)?, each(colors)?);
-    Python::attach(|py| {
-        for (i, (at_positions, at_colors)) in starts.into_iter().enumerate() {
-            let counts = [all.positions(i).len(), all.colors(i).len()];
-            if let Some(given) = positions.get(i) {
-                replace(all.values_mut(), at_positions, counts[0], given.bind(py), "positions")?;
-            }
-            if let Some(given) = colors.get(i) {
-                replace(all.values_mut(), at_colors, counts[1], given.bind(py), "colors")?;
-            }
+    for (i, (at_positions, at_colors)) in starts.into_iter().enumerate() {
+        let counts = [all.positions(i).len(), all.colors(i).len()];
+        if let Some(given) = positions.get(i) {
+            replace(all.values_mut(), at_positions, counts[0], given, "positions")?;
         }
-        Ok(all)
-    })
+        if let Some(given) = colors.get(i) {
+            replace(all.values_mut(), at_colors, counts[1], given, "colors")?;
+        }
+    }
+    Ok(all)
 }
 
 #[pyfunction]
@@ -90,35 +87,13 @@ pub fn reference_render<'py>(
     let frame = py.detach(|| render_at(scene, cameras, settings, &at)).raise()?;
     let images = PyDict::new(py);
     let sides = [frame.batch, frame.height, frame.width];
-    let all = [
-        ("color", frame.color, 3),
-        ("silhouette", frame.silhouette, 1),
-        ("depth", frame.depth, 1),
-        ("normal", frame.normal, 3),
-    ];
-    for (name, data, channels) in all {
+    let all = [frame.color, frame.silhouette, frame.depth, frame.normal];
+    for ((name, channels), data) in IMAGES.into_iter().zip(all) {
         if !data.is_empty() {
             images.set_item(name, shaped(PyArray1::from_vec(py, data), sides, channels)?)?;
         }
     }
     Ok(images)
-}
-
-/// The images' gradients in double precision.
-fn upstream(given: &Bound<'_, PyDict>) -> PyResult<Upstream> {
-    let mut all = Upstream::default();
-    for (name, value) in given.iter().filter(|(_, value)| !value.is_none()) {
-        let name: String = name.extract()?;
-        let data = doubles(&value, &name)?.as_slice()?.to_vec();
-        match name.as_str() {
-            "color" => all.d_color = Some(data),
-            "silhouette" => all.d_silhouette = Some(data),
-            "depth" => all.d_depth = Some(data),
-            "normal" => all.d_normal = Some(data),
-            _ => return Err(bad_input(format!("an upstream gradient of {name:?}"), "use the images' names")),
-        }
-    }
-    Ok(all)
 }
 
 /// A flat array in some shape; `None` for an empty one.
@@ -185,7 +160,9 @@ pub fn reference_gradient<'py>(
     upstream: Option<&Bound<'py, PyDict>>,
 ) -> PyResult<Gradients> {
     let inputs = Inputs::new(meshes, cameras, settings, lights)?;
-    let upstream = upstream.map_or(Ok(Upstream::default()), self::upstream)?;
+    let read = |value: &Bound<'_, PyAny>, name: &str, _| Ok(doubles(value, name)?.as_slice()?.to_vec());
+    let [d_color, d_silhouette, d_depth, d_normal] = gradients::upstream(upstream, read)?;
+    let upstream = Upstream { d_color, d_silhouette, d_depth, d_normal };
     let mode = gradient_mode(mode)?;
     let Inputs { scene, cameras, settings } = &inputs;
     let found = py.detach(|| softras_reference::gradient(scene, cameras, settings, &upstream, mode)).raise()?;

@@ -5,11 +5,13 @@ use crate::mesh::Mesh;
 use crate::renderer::Renderer;
 use crate::settings::chosen;
 use numpy::{PyArray1, PyArray4, PyArrayMethods, PyReadonlyArray3, PyReadonlyArray4, PyUntypedArrayMethods};
+use pyo3::exceptions::PyUserWarning;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
-use softras::scene::Shading;
+use softras::{Settings, scene::Shading};
 use softras_io::{Floats, LoadOptions, Picture};
-use softras_view::{CameraOptions, LightOptions, Look, Options, View};
+use softras_view::{CameraOptions, LightOptions, Look, Motion, Options, View};
+use std::ffi::CString;
 use std::path::PathBuf;
 
 /// The arguments of a picture, all of which `softras.view` gives.
@@ -38,14 +40,15 @@ impl Plan {
         let look = Look {
             size: self.size,
             sigma: self.sigma,
-            gamma: self.gamma,
             background: self.background,
+            model: Settings { gamma: self.gamma, ..Look::default().model },
             ..Look::default()
         };
         Ok(Options {
             camera: CameraOptions { azimuth, elevation, fov, up, ..CameraOptions::default() },
             look,
             samples: self.samples,
+            motion: self.turntable.map_or(Motion::Still, Motion::Turntable),
             crease: self.crease,
             light: LightOptions { shading, unlit: self.unlit, ..LightOptions::default() },
             ..Options::default()
@@ -75,10 +78,10 @@ pub fn view<'py>(
         }
     };
     let view = made.options(plan.options()?);
-    let frames = renderer.shared.call(py, |renderer| match plan.turntable {
-        Some(frames) => view.turntable(frames, renderer),
-        None => Ok(vec![view.render(renderer)?]),
-    })?;
+    let (frames, notes) = renderer.shared.call(py, |renderer| view.frames(renderer))?;
+    for note in notes {
+        PyErr::warn(py, &py.get_type::<PyUserWarning>(), &CString::new(note)?, 2)?;
+    }
     let (width, height) = frames.first().map_or((0, 0), |frame| (frame.width, frame.height));
     let bytes: Vec<u8> = frames.iter().flat_map(|frame| frame.pixels.as_flattened()).copied().collect();
     PyArray1::from_vec(py, bytes).reshape([frames.len(), height, width, 4])

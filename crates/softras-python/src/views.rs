@@ -71,6 +71,7 @@ pub struct Plan<'py> {
     crop: usize,
     hold_out: Option<usize>,
     edge: Option<(f64, f64)>,
+    report: Option<PathBuf>,
 }
 
 impl Plan<'_> {
@@ -144,23 +145,20 @@ pub fn fit_views<'py>(
     progress: Option<Bound<'py, PyAny>>,
 ) -> PyResult<Found> {
     let fit = Fit::new(plan.views()?).raise()?.options(plan.options()?);
-    let shared = &renderer.shared;
+    let (shared, page) = (&renderer.shared, plan.report);
     let mut fitting = shared.call(py, |renderer| fit.begin(renderer))?;
-    let mut notes = fitting.take_notes();
     while let Some(step) = shared.call(py, |renderer| fitting.step(renderer))? {
         py.check_signals()?;
-        notes.extend(fitting.take_notes());
         if let Some(progress) = &progress {
             progress.call1((step.taken, step.loss))?;
         }
     }
     let painted = shared.call(py, |renderer| fitting.paint(renderer, &mut |_| ControlFlow::Continue(())))?;
     let fitted = shared.call(py, |renderer| fitting.finish(painted, renderer))?;
-    notes.extend(fitted.notes);
-    Ok((
-        fitted.mesh.into(),
-        report(py, fitted.steps.iter().map(|taken| &taken.losses))?,
-        measures(py, &fitted.scores)?,
-        notes,
-    ))
+    if let Some(path) = &page {
+        let page = shared.call(py, |renderer| fitted.report("A fit", renderer))?;
+        py.detach(|| softras_io::output::write_file(path, page.as_bytes())).raise()?;
+    }
+    let losses = report(py, fitted.steps.iter().map(|taken| &taken.losses))?;
+    Ok((fitted.mesh.into(), losses, measures(py, &fitted.scores)?, fitted.notes))
 }

@@ -26,6 +26,8 @@ ORDERS = {
 TYPES = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 MOST = {5120: 127, 5121: 255, 5122: 32767, 5123: 65535}
 PLY_TYPES = {"char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4", "float": "f4", "double": "f8"}
+# Statements of OBJ that draw no triangle: lines, points, groups, a free-form curve, levels of detail, and what nobody knows.
+FREE_FORM = ["l 1 2 3", "p 1", "s off", "g one two", "vp 0.5", "cstype bezier", "deg 2", "curv 0 1 1 2 3", "parm u 0 1", "end", "lod 3", "xyzzy"]
 
 
 class Meant:
@@ -122,9 +124,13 @@ def gltf_files(folder):
         points = stored(POINTS / 128 if share else POINTS, kind, share)
         attributes = {"POSITION": file.accessor(points[order], kind, share, **layout)}
         primitive, nodes = {"mode": mode, "attributes": attributes}, json.loads(json.dumps(PLACES[place][0]))
+        primitives = [primitive]
         if index is not None:
-            primitive["indices"] = file.accessor(corners.astype(TYPES[index]), index, gap=layout["gap"])
-        file.root.update(meshes=[{"primitives": [primitive]}], nodes=nodes, scenes=[{"nodes": [0]}], scene=0)
+            # Lists of triangles may be parted: primitives share their vertices.
+            parts = np.split(corners, pick([], [6])) if mode == 4 else [corners]
+            places = [file.accessor(part.astype(TYPES[index]), index, gap=layout["gap"]) for part in parts]
+            primitives = [{**primitive, "indices": place} for place in places]
+        file.root.update(meshes=[{"primitives": primitives}], nodes=nodes, scenes=[{"nodes": [0]}], scene=0)
         meant, moved = Meant((points / (MOST[kind] if share else 1.0))[faces]), PLACES[place][1]
         of, wide, look = pick(5126, 5121, 5123), pick(3, 4), pick("plain", "colours", "uvs")
         if look == "colours":
@@ -139,11 +145,19 @@ def gltf_files(folder):
             picture = "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAIAAACQd1PeAAAADElEQVR42mM4w5AGAALOATNweIrgAAAAAElFTkSuQmCC"
             file.root.update(images=[{"uri": "data:image/png;base64," + picture}], textures=[{"source": 0}])
             file.root["materials"] = [{"pbrMetallicRoughness": {"baseColorTexture": texture}}]
-            primitive["material"] = 0
+            for one in primitives:
+                one["material"] = 0
+            # Without effect on a picture of one pixel, whichever way UVs lie outside of it.
+            wrap = pick(None, 10497, 33071)
+            if wrap:
+                file.root.update(samplers=[{"wrapS": wrap, "wrapT": wrap, "minFilter": 9987}])
+                file.root["textures"][0]["sampler"] = 0
             meant.uvs = ((UVS * scale + offset) * [1, -1] + [0, 1])[faces]
         if moved_by == "morph":
             offsets = np.roll(POINTS, 1, axis=0)
-            primitive["targets"] = [{"POSITION": file.accessor(stored(offsets[order], 5126, False), 5126, **layout)}]
+            target = file.accessor(stored(offsets[order], 5126, False), 5126, **layout)
+            for one in primitives:
+                one["targets"] = [{"POSITION": target}]
             pick(file.root["meshes"][0], nodes[-1])["weights"] = [0.25]
             meant.corners = meant.corners + 0.25 * offsets[faces]
         if moved_by == "skin":
@@ -186,6 +200,8 @@ def ply_files(folder):
         rows = [*FACES, [7, 8, 9, 10, 11]] if polygon else [*FACES, *CUT]
         # Each column of an element: its name, its type, and a value for each row.
         numbers = [(axis, kind, points[:, i]) for i, axis in enumerate("xyz")] + [("quality", "double", points[:, 0])]
+        weighted = pick(False, True)
+        numbers += [("weights", "list", [[i] * (i % 3) for i in range(12)])] * weighted
         scale = {"uchar": 255, "ushort": 65535, "float": 1}[shade]
         rgb = np.round(colors.T * scale, 3 if scale == 1 else 0)
         shades = [(color, shade, values) for color, values in zip(["red", "green", "blue"], rgb[:, : len(rows) if coloring == "face" else 12])]
@@ -209,6 +225,7 @@ def ply_files(folder):
         faces = np.array(FACES + CUT)
         of_face = np.repeat(colors[np.minimum(np.arange(11), len(rows) - 1)][:, None], 3, axis=1)
         tags = {form, f"coordinates {kind}", f"corners {index}", f"count {count}", f"{coloring} {shade}", str(order), f"polygon {polygon}"}
+        tags |= {f"weighted {weighted}"}
         yield path, Meant(points[faces], {"vertex": colors[faces], "face": of_face}.get(coloring)), tags
 
 
@@ -249,7 +266,7 @@ def obj_files(folder):
         tails = {"rgb": colors, "w": np.ones((12, 1))}.get(kind, np.ones((12, 0)))
         texts += ["v" + space + space.join(write(float(x)) for x in row) for row in np.c_[points, tails]]
         backslash = number % 7 == 0
-        texts += ["l 1 2 3", "p 1", "s off", "g one two"] * (number % 5 == 0) + ["# C:\\models\\"] * backslash
+        texts += FREE_FORM * (number % 5 == 0) + ["# C:\\models\\"] * backslash
         base, polygon = 1 if not negative else -12, number % 3 == 0
         for i, face in enumerate([*FACES, *([range(7, 12)] if polygon else CUT)]):
             texts += ["usemtl " + "ab"[i % 2]] if kind == "mtl" else []

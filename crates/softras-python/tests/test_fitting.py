@@ -1,7 +1,9 @@
 """Fits, poses and measures."""
 
+import os
 import signal
 import threading
+import time
 
 import numpy as np
 import pytest
@@ -158,10 +160,15 @@ def test_a_check_finds_the_device_right(renderer):
 
 
 def test_remeshing_stops_at_ctrl_c():
-    ball = softras.shapes.icosphere(3)
+    ball, before = softras.shapes.icosphere(3), len(os.listdir("/proc/self/task"))
     timer = threading.Timer(0.3, signal.raise_signal, [signal.SIGINT])
     timer.start()
     with pytest.raises(KeyboardInterrupt):
         softras.remesh(ball, 0.004)
     timer.join()
+    # The work ends too: its thread is gone.
+    end = time.monotonic() + 60
+    while len(os.listdir("/proc/self/task")) > before and time.monotonic() < end:
+        time.sleep(0.1)
+    assert len(os.listdir("/proc/self/task")) <= before
     assert len(softras.remesh(ball, 0.3).triangles) < len(ball.triangles)

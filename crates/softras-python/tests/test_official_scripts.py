@@ -1,7 +1,7 @@
 """The calls that the official demos and the official reconstruction make, run as scripts by `python -m softras.soft_renderer`.
 
 The scripts are written anew with the names and arguments of the official ones: `demo_render`, `demo_deform`, and the
-reconstruction's `train` and `test`, each with fewer steps.
+reconstruction's `train` and `test`, each with fewer steps; and of the rendering code of LASR, VISER, BANMO and UMR.
 """
 
 import os
@@ -154,6 +154,52 @@ srf.save_obj("predicted.obj", vertices[0], faces[0])
 np.savez("result.npz", losses=losses, iou=iou)
 """
 
+OTHERS = """
+import torch, numpy as np, soft_renderer as sr, soft_renderer.functional as srf
+mesh = sr.Mesh.from_obj("fish.obj", load_texture=True, texture_res=5, texture_type="surface")
+start, faces = (0.4 * mesh.vertices[0]).cuda(), mesh.faces[0].cuda()
+light = {"light_mode": "vertex", "light_intensity_ambient": 1.0, "light_intensity_directionals": 0.0}
+
+# LASR, VISER: vertices on the screen already, planes from the graph, masks and flows as vertex colours.
+soft = sr.SoftRenderer(
+    image_size=32, sigma_val=1e-12, camera_mode="look_at", perspective=False, aggr_func_rgb="hard", **light
+)
+flow = sr.SoftRenderer(image_size=32, gamma_val=1e-4, camera_mode="look_at", perspective=False, aggr_func_rgb="softmax", **light)
+pose = torch.nn.Parameter(torch.tensor([0.1, 0.0, 0.0]))
+vertices = torch.cat([start[None] + pose, start[None] - pose]) + torch.tensor([0.0, 0, 5])
+depths = vertices[..., -1] + 1 / np.tan(np.radians(30.0)) + 1
+nearest, farthest = depths.min(), depths.max()
+for renderer in (soft, flow):
+    renderer.rasterizer.near = nearest - (farthest - nearest) / 2
+    renderer.rasterizer.far = farthest + (farthest - nearest) / 2
+    renderer.rasterizer.background_color = [1, 1, 1]
+faces2 = faces[None].repeat(2, 1, 1)
+colors = torch.rand(2, len(start), 3, requires_grad=True)
+seen = soft.render_mesh(sr.Mesh(vertices, faces2, textures=colors, texture_type="vertex"))
+moved = flow.render_mesh(sr.Mesh(vertices, faces2, textures=vertices - pose, texture_type="vertex"))
+mask, texture = seen[:, -1], seen[:, :3]
+assert mask.view(2, -1).shape == (2, 1024) and moved[:, :2].permute(0, 2, 3, 1).isfinite().all()
+loss = (mask - 1).pow(2).mean(1).mean() + (texture * mask.detach()[:, None]).mean() + moved[:, -1].mean()
+loss.backward()
+assert pose.grad.any() and colors.grad.any()
+
+# BANMO: colours of a mesh file by vertices, planes behind the eye.
+soft.rasterizer.near, soft.rasterizer.far = float(vertices[..., 2].min()) - 10, 100.0
+with torch.no_grad():
+    picture = soft.render_mesh(sr.Mesh(vertices[:1], faces[None], textures=colors[:1], texture_type="vertex"))[:, :3]
+assert picture.cpu().numpy().transpose(0, 2, 3, 1).min() < 0.9
+
+# UMR: the fork's third images.
+sr.SoftRasterizer.returns_info = True
+renderer = sr.SoftRenderer(image_size=32, camera_mode="look_at", aggr_func_rgb="softmax", dist_eps=1e-10)
+renderer.transform.set_eyes([0, 0, -2.732])
+texels = torch.rand(1, faces.shape[0], 36, 3, requires_grad=True)
+images, places, info = renderer.render_mesh(sr.Mesh(start[None], faces[None], texels))
+images[:, :3].mean().backward()
+visible = info[:, 1].long().unique()
+assert texels.grad.any() and places.shape == (1, len(faces), 2) and -1 in visible and len(visible) > 20
+"""
+
 
 def run(folder, script):
     (folder / "script.py").write_text(script)
@@ -179,6 +225,11 @@ def test_the_render_demo(tmp_path):
     assert pictures.shape == (5, 256, 256, 4) and (pictures[:, :, :, 3].max((1, 2)) > 0.9).all()
     saved = softras.load(tmp_path / "saved.obj")
     assert len(saved.triangles) == len(softras.shapes.fish().triangles) and saved.textures is not None
+
+
+def test_the_rendering_of_other_projects(tmp_path):
+    softras.shapes.fish().save(tmp_path / "fish.obj")
+    run(tmp_path, OTHERS)
 
 
 def test_the_deform_demo(tmp_path):

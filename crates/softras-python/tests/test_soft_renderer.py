@@ -290,20 +290,6 @@ def test_modules_run_without_a_gpu(tmp_path):
     assert result.stdout.strip() == "3.0 cpu ['x'] __main__", result.stdout + result.stderr
 
 
-def test_scripts_of_the_official_package_run(tmp_path):
-    script = tmp_path / "script.py"
-    script.write_text(
-        "import sys, torch, soft_renderer as sr, soft_renderer.functional as srf\n"
-        "renderer = sr.SoftRenderer(image_size=8, camera_mode='look_at').cuda()\n"
-        "mesh = sr.Mesh.from_obj(sys.argv[1])\n"
-        "print(tuple(renderer.render_mesh(mesh).cuda().shape), srf.load_obj(sys.argv[1])[0].shape[0])\n"
-    )
-    softras.shapes.cube().save(tmp_path / "cube.obj")
-    command = [sys.executable, "-m", "softras.soft_renderer", str(script), str(tmp_path / "cube.obj")]
-    result = subprocess.run(command, capture_output=True, text=True, timeout=120)
-    assert result.stdout.strip() == "(1, 4, 8, 8) 8", result.stdout + result.stderr
-
-
 def test_the_fork_of_umr_returns_faces_and_places(monkeypatch):
     monkeypatch.setattr(sr.SoftRasterizer, "returns_info", True)
     # Two faces on the left and on the right, and a third behind the second.
@@ -319,6 +305,62 @@ def test_the_fork_of_umr_returns_faces_and_places(monkeypatch):
     assert (places[0, :2] - torch.tensor([[-0.5, 0.133], [0.5, 0.133]])).abs().max() < 0.03
     _, places, info = sr.SoftRasterizer(image_size=32, aggr_func_rgb="hard", fill_back=True)(mesh)
     assert not places.any() and set(info[0, 1].unique().tolist()) == {-1.0, 0.0, 1.0}
+
+
+class Doubled(torch.autograd.Function):
+    """A program's own function, which sees the images without their being read first."""
+
+    @staticmethod
+    def forward(ctx, images):
+        return 2 * images
+
+    @staticmethod
+    def backward(ctx, upstream):
+        return 2 * upstream
+
+
+def test_colours_are_rendered_when_they_are_read(monkeypatch):
+    """At once they are rendered only where those of the last images were read; values and gradients are the same."""
+    colors, start = torch.rand(1, 1, 1, 3), TRIANGLE + torch.tensor([0.0, 0.0, 3.0])
+    rendered, render = [], softras._scene.render
+    monkeypatch.setattr(softras._scene, "render", lambda scene, *rest: rendered.append(scene.late) or render(scene, *rest))
+    rasterizer = sr.SoftRasterizer(image_size=16, sigma_val=1e-3, fill_back=True)
+
+    def step(loss):
+        vertices, textures = start.clone().requires_grad_(), colors.clone().requires_grad_()
+        images = rasterizer(sr.Mesh(vertices, FACE, textures))
+        outline = (images[:, 3] * images[:, 3:].square()).sum()
+        # The images are those of the vertices as they were.
+        vertices.data.mul_(2.0)
+        value = outline if loss is None else outline + loss(images)
+        value.backward()
+        return value, vertices.grad, textures.grad
+
+    def square(images):
+        return torch.stack([images, images]).square().sum()
+
+    assert step(None)[2] is None and rendered == [True]
+    late = step(square)
+    assert rendered == [True, True, False] and rasterizer.colors_are_read
+    at_once = step(square)
+    assert rendered == [True, True, False, False] and late[2].any()
+    assert all(torch.equal(a, b) for a, b in zip(late, at_once))
+    rasterizer.colors_are_read = False
+    own = step(lambda images: Doubled.apply(images).square().sum() / 2)
+    assert torch.equal(own[2], late[2]) and rendered[-2:] == [True, False]
+
+
+def test_compiled_code_and_functional_gradients():
+    rasterizer, start = sr.SoftRasterizer(image_size=16, sigma_val=1e-3, fill_back=True), TRIANGLE + torch.tensor([0.0, 0.0, 3.0])
+
+    def loss(vertices):
+        images = rasterizer(sr.Mesh(vertices, FACE))
+        return images[:, 3].mean() + images[:, :3].square().sum()
+
+    for function in (loss, torch.compile(loss, backend="eager")):
+        vertices = start.clone().requires_grad_()
+        function(vertices).backward()
+        assert torch.equal(vertices.grad, torch.func.grad(loss)(start)) and vertices.grad.any()
 
 
 def test_images_need_not_be_square():
@@ -338,7 +380,7 @@ def test_many_cells_are_refused_with_a_fix(monkeypatch):
     def full(*arguments, **names):
         raise softras.errors.LimitError("buffer `texels` needs 9 bytes, the device's limit is 8")
 
-    monkeypatch.setattr(softras.torch, "render", full)
+    monkeypatch.setattr(softras.torch, "_rendered", full)
     with pytest.raises(softras.errors.LimitError, match="1 × 1 faces with 1 cells each: use a smaller texture_res"):
         sr.SoftRasterizer(image_size=8)(sr.Mesh(TRIANGLE, FACE))
 

@@ -40,7 +40,7 @@ pub fn filling(
     turns: &[f64],
     share: f64,
 ) -> Result<Viewpoint> {
-    let view = Viewpoint::new(options, bounds, aspect, 0.0);
+    let view = Viewpoint::new(options, bounds, aspect);
     let is_given = options.eye.is_some()
         || match options.orthographic {
             None => options.distance.is_some(),

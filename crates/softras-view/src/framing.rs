@@ -42,8 +42,8 @@ pub struct Viewpoint {
 }
 
 impl Viewpoint {
-    /// The view that the options ask for, `turn` degrees further around the vertical axis through the target.
-    pub fn new(options: &CameraOptions, bounds: Bounds, aspect: f64, turn: f64) -> Self {
+    /// The view that the options ask for.
+    pub fn new(options: &CameraOptions, bounds: Bounds, aspect: f64) -> Self {
         let target = options.target.map_or(bounds.center, DVec3::from);
         let screen_radius = FILL * aspect.min(1.0);
         let projection = match options.orthographic {
@@ -62,7 +62,7 @@ impl Viewpoint {
             None => orbit(options, target, distance),
         };
         let (near, far) = depth_range(options, bounds, eye, target);
-        Self { eye, target, up, projection, near, far }.turned(options, bounds, turn)
+        Self { eye, target, up, projection, near, far }
     }
 
     /// The view, `turn` degrees further around the vertical axis through the point that the options look at.
@@ -184,7 +184,7 @@ mod tests {
     }
 
     fn view(options: CameraOptions) -> Viewpoint {
-        Viewpoint::new(&options, unit(), 1.0, 0.0)
+        Viewpoint::new(&options, unit(), 1.0)
     }
 
     fn screen_radius(view: &Viewpoint, bounds: Bounds) -> f64 {
@@ -208,7 +208,7 @@ mod tests {
         ];
         for way in ways {
             for aspect in [0.5, 1.0, 2.0] {
-                let view = Viewpoint::new(&way, bounds, aspect, 40.0);
+                let view = Viewpoint::new(&way, bounds, aspect).turned(&way, bounds, 40.0);
                 let expected = 0.85 * aspect.min(1.0);
                 assert!((screen_radius(&view, bounds) - expected).abs() < 1e-9, "{way:?} {aspect} {view:?}");
                 assert!(view.near > 0.0 && view.near < view.eye.distance(bounds.center) - bounds.radius);
@@ -228,12 +228,12 @@ mod tests {
     #[test]
     fn a_turn_is_an_azimuth_for_both_kinds_of_camera() {
         let bounds = Bounds { center: DVec3::new(1.0, 2.0, 3.0), radius: 1.0 };
-        let orbit = Viewpoint::new(&CameraOptions::default(), bounds, 1.0, 0.0);
-        let eye = Some(orbit.eye.to_array());
-        let by_angle = Viewpoint::new(&CameraOptions::default(), bounds, 1.0, 70.0);
-        let by_eye = Viewpoint::new(&CameraOptions { eye, ..CameraOptions::default() }, bounds, 1.0, 70.0);
+        let turned = |options: CameraOptions| Viewpoint::new(&options, bounds, 1.0).turned(&options, bounds, 70.0);
+        let usual = CameraOptions::default();
+        let by_angle = turned(usual);
+        let by_eye = turned(CameraOptions { eye: Some(Viewpoint::new(&usual, bounds, 1.0).eye.to_array()), ..usual });
         assert!(by_angle.eye.distance(by_eye.eye) < 1e-9, "{by_angle:?} {by_eye:?}");
-        let azimuth = Viewpoint::new(&CameraOptions { azimuth: 215.0, ..CameraOptions::default() }, bounds, 1.0, 0.0);
+        let azimuth = Viewpoint::new(&CameraOptions { azimuth: 215.0, ..usual }, bounds, 1.0);
         assert!(by_angle.eye.distance(azimuth.eye) < 1e-9);
     }
 

@@ -41,12 +41,9 @@ pub use developed::{Developed, Image};
 pub use framing::{Viewpoint, lights};
 pub use layers::Layer;
 pub use look::settings;
-pub use options::{
-    Alpha, CameraOptions, Fill, HalfHeight, LightOptions, Look, Modes, Motion, Options, Output, Sweep, Swept,
-};
+pub use options::{Alpha, CameraOptions, Fill, HalfHeight, LightOptions, Look, Motion, Options, Output, Sweep, Swept};
 pub use sheet::{sheet, text_width, write_text};
 pub use shot::{Mean, Shot};
 pub use shrink::shrunk;
-pub use standing::z_is_up;
-pub use studio::Studio;
+pub use studio::{MISSED, Studio};
 pub use view::View;

@@ -2,7 +2,7 @@
 
 use crate::{
     framing::Viewpoint,
-    options::{Look, Modes, Output, Swept},
+    options::{Look, Output, Swept},
 };
 use softras::{Settings, scene::Outputs};
 
@@ -13,7 +13,6 @@ const DEFAULT_HEIGHT: f64 = 256.0;
 /// The settings of one frame; `step` is the setting that a sweep changes, with its value.
 pub fn settings(
     look: &Look,
-    modes: &Modes,
     view: &Viewpoint,
     wanted: &[Output],
     samples: u32,
@@ -26,22 +25,11 @@ pub fn settings(
         width,
         height,
         sigma: look.sigma.unwrap_or(scaled),
-        gamma: look.gamma,
-        epsilon: look.epsilon,
-        tau: look.tau,
-        support: look.support,
         near: view.near,
         far: view.far,
         outputs: outputs(wanted),
-        color: modes.color,
-        silhouette: modes.silhouette,
-        distance: modes.distance,
-        background: look.background_mode,
         background_color: look.background.unwrap_or_default(),
-        faces: modes.faces,
-        interpolation: modes.interpolation,
-        surface_point: modes.surface_point,
-        ..Settings::default()
+        ..look.model.clone()
     };
     // The blur is given in pixels of the picture.
     let rendered = f64::from(samples);

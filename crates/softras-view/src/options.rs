@@ -2,10 +2,7 @@
 
 use softras::{
     Settings,
-    scene::{
-        Background, ColorAggregation, DirectionalLight, Distance, Faces, Interpolation, Shading, SilhouetteAggregation,
-        Support, SurfacePoint,
-    },
+    scene::{Background, DirectionalLight, Distance, Interpolation, Shading, SilhouetteAggregation},
 };
 use softras_io::Curve;
 
@@ -118,8 +115,8 @@ impl CameraOptions {
     }
 }
 
-/// The size, softness and background of a picture.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// The size, softness and background of a picture, and the variant of the model.
+#[derive(Clone, Debug, PartialEq)]
 pub struct Look {
     /// Width and height in pixels.
     pub size: (u32, u32),
@@ -127,67 +124,25 @@ pub struct Look {
     pub sigma: Option<f64>,
     /// Softness of edges as the distance in pixels that a triangle's influence reaches; it takes the place of `sigma`.
     pub blur: Option<f64>,
-    /// Softness of the depth order, in units of far - near. By default it is 3e-6, about what single precision tells apart: a
-    /// sign hides the wall behind it however large the scene is.
-    pub gamma: f64,
-    /// Score of the background against the triangles, with the weighted background.
-    pub epsilon: f64,
-    /// The influence on a pixel below which a triangle is ignored there.
-    pub tau: f64,
-    /// What tau bounds.
-    pub support: Support,
     /// Linear light, 0 to 1; `None`: transparent.
     pub background: Option<[f64; 3]>,
-    /// How the background is mixed in.
-    pub background_mode: Background,
     /// How numbers become bytes.
     pub curve: Curve,
+    /// All other settings of the renderer; those above, depths and outputs are each frame's own. By default γ is 3e-6, about what
+    /// single precision tells apart, so that a sign hides the wall behind it however large the scene is; the background is composite,
+    /// and interpolation is right in perspective.
+    pub model: Settings,
 }
 
 impl Default for Look {
     fn default() -> Self {
-        Self {
-            size: (256, 256),
-            sigma: None,
-            blur: None,
+        let model = Settings {
             gamma: 3e-6,
-            epsilon: 1e-3,
-            tau: 1e-4,
-            support: Support::Probability,
-            background: None,
-            background_mode: Background::Composite,
-            curve: Curve::Srgb,
-        }
-    }
-}
-
-/// The variant of the model.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Modes {
-    /// Triangles to draw.
-    pub faces: Faces,
-    /// How the triangles of a pixel are combined to a colour.
-    pub color: ColorAggregation,
-    /// How they are combined to the silhouette.
-    pub silhouette: SilhouetteAggregation,
-    /// The distance that decides a triangle's influence on a pixel.
-    pub distance: Distance,
-    /// Interpolation of colours over a triangle.
-    pub interpolation: Interpolation,
-    /// Where a triangle is sampled outside itself.
-    pub surface_point: SurfacePoint,
-}
-
-impl Default for Modes {
-    fn default() -> Self {
-        Self {
-            faces: Faces::Both,
-            color: ColorAggregation::Softmax,
-            silhouette: SilhouetteAggregation::Product,
-            distance: Distance::Euclidean,
+            background: Background::Composite,
             interpolation: Interpolation::Perspective,
-            surface_point: SurfacePoint::Nearest,
-        }
+            ..Settings::default()
+        };
+        Self { size: (256, 256), sigma: None, blur: None, background: None, curve: Curve::Srgb, model }
     }
 }
 
@@ -230,8 +185,6 @@ pub struct Options {
     /// With smooth shading, normals are computed from the triangles, and edges at which the surface bends by more than this many
     /// degrees are kept; `None`: the normals of the file, and 40 where it has none.
     pub crease: Option<f64>,
-    /// The variant of the model.
-    pub modes: Modes,
     /// What changes from frame to frame.
     pub motion: Motion,
 }
@@ -248,6 +201,12 @@ impl Options {
         }
     }
 
+    /// Whether the vertical axis is left to the mesh: whoever gives it or the camera's place has seen the mesh's coordinates, and
+    /// [`Fill::Sphere`] is the same camera however the mesh is turned.
+    pub(crate) fn has_no_axis(&self) -> bool {
+        self.camera.up.is_none() && self.camera.eye.is_none() && self.fill == Fill::Box
+    }
+
     /// Whether alpha is 1 inside of surfaces in pictures: unless the softness of edges or the model's own values were asked for.
     pub fn is_solid(&self) -> bool {
         let look = &self.look;
@@ -258,9 +217,10 @@ impl Options {
 
     /// Whether the silhouette is the one whose least value inside of a surface is known, and colour fades with it.
     pub fn can_be_solid(&self) -> bool {
-        self.modes.silhouette == SilhouetteAggregation::Product
-            && self.modes.distance == Distance::Euclidean
-            && self.look.background_mode == Background::Composite
+        let model = &self.look.model;
+        model.silhouette == SilhouetteAggregation::Product
+            && model.distance == Distance::Euclidean
+            && model.background == Background::Composite
     }
 }
 

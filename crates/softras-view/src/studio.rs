@@ -9,15 +9,22 @@ use crate::{
     look,
     options::{Fill, Motion, Options, Output},
     shot::Shot,
+    shrink::shrunk,
+    standing::z_is_up,
 };
+use glam::DVec3;
 use softras::{
-    Camera, Error, Mesh, Renderer, Result, Scene, Settings,
+    Camera, Error, Limits, Mesh, Renderer, Result, Scene, Settings,
     parts::{self, Band, Bands},
     scene::Shading,
 };
+use softras_io::Loaded;
 
 /// Bands begin at multiples of so many rows of the picture, and so at the borders of tiles.
 const BAND: usize = 4;
+
+/// What is noted of a camera whose near and far leave the mesh out.
+pub const MISSED: &str = "the mesh lies wholly outside the depths that this camera draws";
 
 /// A mesh before the camera.
 pub struct Studio {
@@ -35,32 +42,43 @@ pub struct Studio {
 }
 
 impl Studio {
-    /// Places the camera. `normals` are those of the triangles' corners in the mesh's file and `opacity` one number for each
-    /// triangle; both may be empty. `outputs` are the images that frames have, `samples` those along each side of a pixel.
+    /// Places the camera before a mesh, whose textures are made smaller where the device does not hold them. `outputs` are the images
+    /// that frames have, `floats` says that the model's own values are wanted. The notes tell what was decided, and what of the mesh
+    /// the camera's depths leave out.
     ///
     /// # Errors
     /// [`Error::Settings`] for solid alpha in modes in which that is not known how; [`Error::Camera`] for options of which
-    /// there is no camera.
+    /// there is no camera; [`Error::Mesh`] for a mesh that is too large or too small for any usual camera.
     pub fn new(
-        mesh: Mesh,
-        normals: &[[[f32; 3]; 3]],
-        opacity: &[f32],
-        options: Options,
+        loaded: Loaded,
+        mut options: Options,
         outputs: &[Output],
-        samples: u32,
-    ) -> Result<Self> {
+        floats: bool,
+        limits: &Limits,
+    ) -> Result<(Self, Vec<String>)> {
         if options.is_solid() && !options.can_be_solid() {
             let fix = "solid needs the product silhouette, Euclidean distance and the composite background";
             return Err(Error::Settings { field: "alpha", value: "solid".into(), fix: fix.into() });
         }
+        let Loaded { mesh, normals, opacity, unlit, origin, y_is_up, .. } = loaded;
+        let mut notes = Vec::new();
+        if options.has_no_axis() && !y_is_up && z_is_up(&mesh) {
+            options.camera.up = Some([0.0, 0.0, 1.0]);
+            notes.push("the mesh stands or lies on its lowest z, so z is taken to be up; --up 0,1,0 for y".into());
+        }
+        options.camera = options.camera.relative_to(origin);
+        options.light.unlit |= unlit && options.light.lights.is_empty() && options.light.ambient.is_none();
+        let (mesh, about) = shrunk(mesh, limits)?;
+        notes.extend(about);
+        let samples = options.samples(floats);
         let bounds = Bounds::of(&mesh);
         let (width, height) = options.look.size;
         let aspect = f64::from(width) / f64::from(height);
-        let plain = Viewpoint::new(&options.camera, bounds, aspect, 0.0);
+        let plain = Viewpoint::new(&options.camera, bounds, aspect);
         let first = match options.fill {
             Fill::Box => {
                 let step = if let Motion::Sweep(sweep) = options.motion { Some(sweep.widest()) } else { None };
-                let widest = look::settings(&options.look, &options.modes, &plain, outputs, 1, step);
+                let widest = look::settings(&options.look, &plain, outputs, 1, step);
                 let share = fill::share(widest.sigma, widest.tau, aspect);
                 fill::filling(&options.camera, &mesh, bounds, aspect, &options.motion.turns(), share)?
             }
@@ -68,20 +86,49 @@ impl Studio {
         };
         let mesh = match (options.light.shading, options.crease) {
             (Shading::Smooth, Some(degrees)) => crease::creased(&mesh, &[], degrees)?,
-            (Shading::Smooth, None) => crease::creased(&mesh, normals, crease::DEFAULT)?,
+            (Shading::Smooth, None) => crease::creased(&mesh, &normals, crease::DEFAULT)?,
             (Shading::Flat, _) => mesh,
         };
         let unit = BAND * samples as usize;
         // Whether a pixel is inside of a surface depends on its neighbours.
         let bands = Bands { unit, margin: if options.is_solid() { unit } else { 0 }, at_once: usize::MAX };
-        let (mesh, glass) = layers::separate(mesh, opacity)?;
+        let (mesh, glass) = layers::separate(mesh, &opacity)?;
+        let (cut, near) = (first.cut(&mesh), first.near);
+        if first.misses(bounds) {
+            notes.push(MISSED.into());
+        } else if cut > 0 {
+            notes.push(format!("{cut} triangles lie before near ({near:.3}) and are cut there: lower --near"));
+        }
         let (scene, outputs) = (Scene::new(mesh), outputs.to_vec());
-        Ok(Self { options, outputs, samples, bounds, first, scene, glass, bands })
+        Ok((Self { options, outputs, samples, bounds, first, scene, glass, bands }, notes))
     }
 
-    /// The sphere around the mesh.
-    pub fn bounds(&self) -> Bounds {
-        self.bounds
+    /// What is likely to be the reason where no frame shows anything of the mesh; `None` where that is told already, or the frames'
+    /// [`Shot::is_seen`] says that one does.
+    pub fn nothing(&self, is_seen: bool) -> Option<&'static str> {
+        let (camera, mesh) = (&self.options.camera, self.mesh());
+        let corner = |i: u32| DVec3::from(mesh.positions()[i as usize].map(f64::from));
+        let area = |[a, b, c]: [DVec3; 3]| (b - a).cross(c - a).length();
+        let is_flat = mesh.triangles().iter().all(|corners| area(corners.map(corner)) == 0.0);
+        let is_placed = camera.eye.is_some() || camera.target.is_some() || camera.distance.is_some();
+        let is_cut = camera.near.is_some() || camera.far.is_some();
+        if self.first.misses(self.bounds) {
+            None
+        } else if is_flat && self.glass.is_none() {
+            Some("no triangle of the mesh has an area: at most a faint blur of them is in the picture")
+        } else if is_seen {
+            None
+        } else if is_placed || is_cut || camera.orthographic.is_some() {
+            Some(
+                "nothing of the mesh is in the picture: it is not where the camera looks: without --eye, --look-at, --distance, \
+                 --near, --far and --orthographic the camera finds it by itself",
+            )
+        } else {
+            Some(
+                "nothing of the mesh is in the picture: it is seen edge-on, or from behind with --faces front: give another \
+                 --azimuth or --elevation",
+            )
+        }
     }
 
     /// The options.
@@ -92,11 +139,6 @@ impl Studio {
     /// The opaque triangles.
     pub fn mesh(&self) -> &Mesh {
         &self.scene.meshes[0]
-    }
-
-    /// Whether the mesh has transparent triangles.
-    pub fn has_glass(&self) -> bool {
-        self.glass.is_some()
     }
 
     /// Where the camera is after a turn around the vertical axis, in degrees.
@@ -118,7 +160,7 @@ impl Studio {
     ) -> std::result::Result<(), E> {
         let view = self.viewpoint(turn);
         let Self { options, outputs, samples, scene, glass, bands, .. } = self;
-        let mut settings = look::settings(&options.look, &options.modes, &view, outputs, *samples, step);
+        let mut settings = look::settings(&options.look, &view, outputs, *samples, step);
         // Layers are blended by depth.
         settings.outputs.depth |= glass.is_some();
         let (curve, transparent) = (options.look.curve, options.look.background.is_none());

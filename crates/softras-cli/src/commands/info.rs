@@ -7,7 +7,7 @@ use clap::Args;
 use serde_json::{Value, json};
 use softras::scene::{Appearance, Texture};
 use softras_fit::{Topology, is_closed};
-use softras_io::Budget;
+use softras_io::{Budget, text};
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 
@@ -60,7 +60,7 @@ pub fn run(args: &InfoArgs) -> Result<(), Failure> {
         let report = json!({
             "vertices": count[0], "triangles": count[1], "parts": parts, "closed": closed, "low": low, "high": high,
             "colors": colors, "textures": textures, "normals": normals, "transparent_triangles": transparent,
-            "unlit": loaded.unlit, "files": loaded.files, "notes": loaded.notes,
+            "unlit": loaded.unlit, "materials": loaded.materials, "files": loaded.files, "notes": loaded.notes,
         });
         return say(&report.to_string());
     }
@@ -71,6 +71,7 @@ pub fn run(args: &InfoArgs) -> Result<(), Failure> {
         let alpha = if texture.alpha().is_some() { " with alpha" } else { "" };
         say(&format!("texture  {}×{}{alpha}", texture.width(), texture.height()))?;
     }
+    loaded.materials.iter().try_for_each(|name| say(&format!("material {}", text::name(name))))?;
     let clear = format!("{transparent} transparent triangles");
     let told = [(normals, "normals of the file's own"), (loaded.unlit, "unlit materials"), (transparent > 0, &clear)];
     told.iter().filter(|(holds, _)| *holds).try_for_each(|(_, text)| say(text))

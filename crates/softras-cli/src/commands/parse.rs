@@ -109,44 +109,16 @@ impl Rgb {
     }
 }
 
-/// The colours that have a name in CSS 2, and how else they are written there.
-const NAMED: [(&str, &str); 18] = [
-    ("black", "000000"),
-    ("silver", "c0c0c0"),
-    ("gray", "808080"),
-    ("grey", "808080"),
-    ("white", "ffffff"),
-    ("maroon", "800000"),
-    ("red", "ff0000"),
-    ("purple", "800080"),
-    ("fuchsia", "ff00ff"),
-    ("green", "008000"),
-    ("lime", "00ff00"),
-    ("olive", "808000"),
-    ("yellow", "ffff00"),
-    ("navy", "000080"),
-    ("blue", "0000ff"),
-    ("teal", "008080"),
-    ("aqua", "00ffff"),
-    ("orange", "ffa500"),
-];
-
-/// `r,g,b` in the renderer's numbers, or `#rrggbb`, `#rgb` or a name as in CSS.
+/// `r,g,b` in the renderer's numbers, or an opaque colour as in CSS.
 pub fn rgb(text: &str) -> Result<Rgb, String> {
-    let named = NAMED.iter().find(|(name, _)| text.eq_ignore_ascii_case(name)).map(|(_, hex)| *hex);
-    let Some(hex) = named.or_else(|| text.strip_prefix('#')) else {
-        let names = NAMED.map(|(name, _)| name).join(", ");
-        let forms = format!("use #rrggbb, #rgb, r,g,b in linear light from 0 to 1, or a name: {names}");
-        let other = || format!("{text:?} is no colour: {forms}");
-        return if text.contains(',') { triple(text).map(Rgb::Numbers) } else { Err(other()) };
-    };
-    let digits: Option<Vec<u32>> = hex.chars().map(|c| c.to_digit(16)).collect();
-    let bytes = match digits.as_deref() {
-        Some(&[r, g, b]) => [r * 17, g * 17, b * 17],
-        Some(&[a, b, c, d, e, f]) => [a * 16 + b, c * 16 + d, e * 16 + f],
-        _ => return Err("use #rrggbb or #rgb".into()),
-    };
-    Ok(Rgb::Bytes(bytes.map(|byte| f64::from(byte) / 255.0)))
+    if text.contains(',') && !text.contains('(') {
+        return triple(text).map(Rgb::Numbers);
+    }
+    let forms = "use #rrggbb, #rgb, r,g,b in linear light from 0 to 1, or a name of CSS, as white";
+    match csscolorparser::parse(text).map(|color| color.to_rgba8()) {
+        Ok([r, g, b, 255]) => Ok(Rgb::Bytes([r, g, b].map(|byte| f64::from(byte) / 255.0))),
+        _ => Err(format!("{text:?} is no colour: {forms}")),
+    }
 }
 
 /// Parses [`HalfHeight`].
@@ -232,10 +204,8 @@ mod tests {
         assert!((rgb("#808080").unwrap().numbers(Curve::Raw)[1] - 0.5019608).abs() < 1e-6);
         let white = Rgb::Numbers([1.0; 3]);
         assert_eq!(light("0,1,0:0.5").unwrap(), Light { direction: [0.0, 1.0, 0.0], intensity: 0.5, color: white });
-        for (name, hex) in NAMED {
-            assert_eq!(rgb(name), rgb(&format!("#{hex}")));
-        }
         assert_eq!(rgb("Blue").unwrap(), Rgb::Bytes([0.0, 0.0, 1.0]));
+        assert_eq!(rgb("fuchsia"), rgb("#ff00ff"));
         assert_eq!(half_height("fit").unwrap(), HalfHeight::Fit);
     }
 
@@ -253,7 +223,12 @@ mod tests {
         assert!(size("0").is_err() && size("20000").is_err() && size("3x").is_err());
         assert!(rgb("bluish").unwrap_err().contains("#rrggbb, #rgb, r,g,b") && rgb("").is_err());
         assert!(light("0,0,0").is_err() && direction("0,0,0").is_err());
-        assert!(rgb("#12345").is_err() && rgb("#é").is_err() && light("1,2,3:4:5,6,7:8").is_err());
+        assert!(
+            rgb("#12345").is_err()
+                && rgb("#é").is_err()
+                && rgb("transparent").is_err()
+                && light("1,2,3:4:5,6,7:8").is_err()
+        );
         assert!(sweep("sigma=0..1").is_err() && sweep("width=1..2").is_err() && sweep("sigma=1..2:1").is_err());
         assert!(positive("-1").is_err() && angle_of_view("180").is_err() && elevation("91").is_err());
     }

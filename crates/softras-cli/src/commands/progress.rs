@@ -38,11 +38,6 @@ impl Progress {
         Self::of(bar, what)
     }
 
-    /// A bar that counts frames.
-    pub fn frames(count: usize) -> Self {
-        Self::counted("frame", count)
-    }
-
     /// A bar that counts things of any kind; a message may be shown beside it.
     pub fn counted(what: &str, count: usize) -> Self {
         let bar = ProgressBar::with_draw_target(Some(count as u64), ProgressDrawTarget::hidden());

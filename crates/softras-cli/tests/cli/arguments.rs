@@ -47,6 +47,7 @@ fn senseless_arguments_exit_with_2_and_are_named() {
         ("mesh teapot -o a.obj", &["teapot", "torus"]),
         ("mesh cube -o a.stl", &["a.stl", "ends in .obj"]),
         ("fit --from a.obj -o a.png", &["a.png", "ends in .obj"]),
+        ("fit --from a.obj -o o.obj --views-per-step 0", &["--views-per-step"]),
         ("fit -o x.obj", &["give --views or --from", "a folder or a .npy file"]),
         ("-q fit --from a.obj --views many -o out.obj", &["--views", "Usage: softras fit"]),
     ];
@@ -135,6 +136,7 @@ fn every_command_reads_every_format_and_names_them() {
     let report = succeeds(folder.path(), &["info", "fish.obj", "--json"]);
     let report: serde_json::Value = serde_json::from_str(&report).unwrap();
     assert!(report["closed"] == true && report["parts"] == 1 && report["files"][1] == "fish.mtl", "{report}");
+    assert_eq!(report["materials"], serde_json::json!(["m0"]));
     assert!(report["colors"] == "of textures" && report["textures"][0]["alpha"] == false, "{report}");
     succeeds(folder.path(), &["grad", "mesh.ply", "--target", "picture.png", "-o", "grad.png"]);
     let fit = "fit --from mesh.stl --template mesh.ply --views 1 --size 8 --iterations 1 -o out.obj";

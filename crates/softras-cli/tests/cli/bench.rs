@@ -10,12 +10,12 @@ const GRADIENT_ERROR: f64 = 1e-3;
 /// Whether the numbers of a row are there and agree.
 fn check(row: &Value) {
     let number = |key: &str| row[key].as_f64().filter(|x| x.is_finite()).unwrap_or_else(|| panic!("{key}: {row}"));
-    for key in ["median_ms", "device_ms", "floor_ms", "pairs_needed", "pairs_evaluated", "faces", "size"] {
+    for key in ["median_ms", "device_ms", "pairs_needed", "pairs_evaluated", "faces", "size"] {
         assert!(number(key) > 0.0, "{key}: {row}");
     }
     let most = if row["pass"] == "backward" { GRADIENT_ERROR } else { IMAGE_ERROR };
     assert!(number("max_error") <= most, "{row}");
-    assert!(number("pairs_evaluated") >= number("pairs_needed") && number("median_ms") >= number("floor_ms"), "{row}");
+    assert!(number("pairs_evaluated") >= number("pairs_needed"), "{row}");
 }
 
 #[test]
@@ -53,7 +53,6 @@ fn a_quick_run_gives_rows_that_can_be_compared() {
     // The table has the same rows under its heads.
     let text = String::from_utf8(output.stdout).unwrap();
     assert_eq!(text.lines().filter(|line| line.starts_with("torus ")).count(), 12, "{text}");
-    assert!(text.contains("GFLOP/s"), "{text}");
     // An error that tau makes is no error of the device: it is in the JSON, where it has a name, and not in the table.
     let head = text.lines().find(|line| line.starts_with("scene ")).unwrap();
     assert!(head.trim_end().ends_with(" error") && !head.contains("untrunc"), "{head}");

@@ -227,25 +227,6 @@ fn checkpoints_with_impossible_numbers_are_refused() {
     }
 }
 
-/// Through `softras fit`, which refuses them before it renders anything.
-#[test]
-fn malformed_cameras_are_refused() {
-    let corpus = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/corpus/cameras");
-    let files: Vec<_> = fs::read_dir(corpus).unwrap().map(|entry| entry.unwrap().path()).collect();
-    assert!(files.len() >= 10);
-    for file in files {
-        let folder = tempfile::tempdir().unwrap();
-        fs::copy(&file, folder.path().join("cameras.json")).unwrap();
-        image::RgbaImage::new(4, 4).save(folder.path().join("a.png")).unwrap();
-        let output = softras(folder.path(), &["fit", "--views", ".", "-o", "never.obj"]);
-        let errors = String::from_utf8_lossy(&output.stderr);
-        let shown = file.display();
-        assert_eq!(output.status.code(), Some(1), "{shown}: {errors}");
-        assert!(errors.contains("error: ") && !errors.contains("panicked"), "{shown}: {errors}");
-        assert!(!folder.path().join("never.obj").exists(), "{shown}");
-    }
-}
-
 /// As many triangles on top of each other as a file holds.
 #[test]
 fn layers_that_take_long_do_not_take_too_long() {

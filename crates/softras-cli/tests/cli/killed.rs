@@ -1,7 +1,6 @@
-//! Tests of written files: old or new whenever the command is killed, through links, and with their permissions.
+//! Tests of written files: old or new whenever the command is killed. That every command writes so is seen in `full`.
 
-use super::command::tier;
-use super::{softras, succeeds, words};
+use super::{softras, succeeds};
 use std::{
     fs,
     path::Path,
@@ -53,26 +52,4 @@ fn a_picture_is_the_old_or_the_new_one() {
     let folder = tempfile::tempdir().unwrap();
     succeeds(folder.path(), &["mesh", "cube", "-o", "cube.obj"]);
     is_old_or_new(folder.path(), "cube.png", &["render", "cube.obj", "-o", "cube.png", "--size", "64"], 4);
-}
-
-/// The other commands that write a file, killed at once, half way and about when they write it.
-#[test]
-fn what_every_command_writes_is_the_old_or_the_new_one() {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path();
-    succeeds(path, &["mesh", "cube", "-o", "cube.obj"]);
-    succeeds(path, &["render", "cube.obj", "-o", "target.png", "--size", "16"]);
-    let each = [
-        ("shape.obj", "fit --from cube.obj --views 2 --size 8 --subdivisions 1 --iterations 2 -o shape.obj"),
-        (
-            "state.npz",
-            "fit --from cube.obj --views 2 --size 8 --subdivisions 0 --iterations 1 -o s.obj --checkpoint state.npz",
-        ),
-        ("grad.png", "grad cube.obj --target target.png -o grad.png"),
-        ("turned.obj", "pose --mesh cube.obj --image target.png --starts 1 --iterations 1 -o turned.obj"),
-        ("turn.gif", "render cube.obj -o turn.gif --turntable 2 --size 16"),
-    ];
-    for (file, line) in each.into_iter().take(tier(1, 5)) {
-        is_old_or_new(path, file, &words(line), 4);
-    }
 }

@@ -49,14 +49,6 @@ fn depths_in_the_wrong_order_name_both_options() {
 }
 
 #[test]
-fn what_strict_refuses_is_told_with_the_option() {
-    let folder = tempfile::tempdir().unwrap();
-    fs::write(folder.path().join("a.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\nf 1 2\n").unwrap();
-    let line = ["render", "a.obj", "-o", "a.png", "--strict"];
-    fails(folder.path(), &line, 1, &["a.obj:5", "(--strict in the command), which draws the rest"]);
-}
-
-#[test]
 fn an_empty_file_is_said_to_be_empty() {
     let folder = tempfile::tempdir().unwrap();
     succeeds(folder.path(), &["mesh", "cube", "-o", "cube.obj"]);

@@ -41,7 +41,15 @@ const MOST_TRIANGLES: f64 = 4e6;
 /// # Ok::<(), softras::Error>(())
 /// ```
 pub fn remeshed(mesh: &Mesh, edges: RangeInclusive<f64>) -> Result<Mesh> {
-    remade(mesh, &edges, true)
+    remeshed_while(mesh, edges, &|| true)
+}
+
+/// [`remeshed`], which ends between two of its steps with an error when a call is false.
+///
+/// # Errors
+/// As [`remeshed`], and [`softras::Error::Fit`] where it is stopped.
+pub fn remeshed_while(mesh: &Mesh, edges: RangeInclusive<f64>, goes_on: &dyn Fn() -> bool) -> Result<Mesh> {
+    remade(mesh, &edges, true, goes_on)
 }
 
 /// The mesh remeshed to edges of one length, without what keeps it as it is: vertices are smoothed over the surface and its
@@ -50,7 +58,7 @@ pub fn remeshed(mesh: &Mesh, edges: RangeInclusive<f64>) -> Result<Mesh> {
 /// # Errors
 /// As [`remeshed`].
 pub fn evened(mesh: &Mesh, edge: f64) -> Result<Mesh> {
-    remade(mesh, &(edge..=edge), false)
+    remade(mesh, &(edge..=edge), false, &|| true)
 }
 
 /// The nearest points of a mesh, which has one colour or vertex colours.
@@ -58,7 +66,7 @@ pub(super) fn nearest(mesh: &Mesh) -> Result<Nearest> {
     Ok(Surface::of(mesh)?.nearest())
 }
 
-fn remade(mesh: &Mesh, edges: &RangeInclusive<f64>, is_kept: bool) -> Result<Mesh> {
+fn remade(mesh: &Mesh, edges: &RangeInclusive<f64>, is_kept: bool, goes_on: &dyn Fn() -> bool) -> Result<Mesh> {
     if !(*edges.start() > 0.0 && edges.start() <= edges.end() && edges.end().is_finite()) {
         return bad(format!("triangles with edges of {edges:?}"), "use lengths above 0, the shorter first");
     }
@@ -71,11 +79,16 @@ fn remade(mesh: &Mesh, edges: &RangeInclusive<f64>, is_kept: bool) -> Result<Mes
         return bad(what, "use lengths that make at most 4 million triangles");
     }
     let old = is_kept.then(|| surface.nearest());
-    for _ in 0..ROUNDS {
-        surface.split();
-        surface.collapse();
-        surface.flip();
-        surface.relax(old.as_ref());
+    for step in 0..4 * ROUNDS {
+        match step % 4 {
+            0 => surface.split(),
+            1 => surface.collapse(),
+            2 => surface.flip(),
+            _ => surface.relax(old.as_ref()),
+        }
+        if !goes_on() {
+            return bad("remeshing was stopped", "start it again");
+        }
     }
     surface.mesh(mesh.appearance())
 }

@@ -204,3 +204,22 @@ fn what_no_view_sees_has_the_colour_beside_it() {
     let off = behind.map(|(_, c)| (c[0] - 0.8).abs().max((c[1] - 0.2).abs())).fold(0.0, f32::max);
     assert!(off < 0.2, "a colour is off by {off}");
 }
+
+#[test]
+fn a_report_shows_the_worst_view_first_and_loads_nothing() {
+    let mut renderer = renderer();
+    let mut bad = views(&mut renderer, &solid(), around(12), (48, 48));
+    bad.names = (0..12).map(|view| format!("<{view}>.png")).collect();
+    let pixels = 48 * 48;
+    bad.silhouette.as_mut().unwrap().data[4 * pixels..5 * pixels].fill(0.0);
+    let fitted = fitted(&bad, Some(2), &mut renderer);
+    let page = fitted.report("a & b", &mut renderer).unwrap();
+    let at = |part: &str| page.find(part).unwrap_or_else(|| panic!("no {part}"));
+    let held_out = fitted.scores.held_out.len();
+    assert!((0..12).all(|view| view == 4 || at("&lt;4&gt;.png: mask IoU 0.0000") < at(&format!("&lt;{view}&gt;.png"))));
+    assert_eq!((page.matches("<img").count(), page.matches(">held out<").count()), (12, held_out));
+    assert!(page.contains("<h1>a &amp; b</h1>") && !page.contains("<!--") && !page.contains("/*SCENE*/null"));
+    assert!(!page.contains("src=\"http") && !page.contains("<link"));
+    // One camera of the page is that of the worst view.
+    assert_eq!((page.matches("\"eye\"").count(), page.matches("\"worst\": true").count()), (12, 1));
+}

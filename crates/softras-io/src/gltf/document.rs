@@ -3,6 +3,7 @@
 use super::json;
 use crate::{find::find, source::Source};
 use base64::{Engine, engine::general_purpose::STANDARD};
+use percent_encoding::percent_decode_str;
 use std::{borrow::Cow, collections::HashMap, path::PathBuf, rc::Rc};
 
 /// The JSON and the binary chunk of a file; a file of text is all JSON.
@@ -72,7 +73,7 @@ impl<'a> Document<'a> {
 
     /// A file that buffers or images name, read once.
     fn file(&mut self, source: &mut Source, uri: &str) -> Result<Rc<Cow<'a, [u8]>>, String> {
-        let name = percent_decoded(uri);
+        let name = percent_decode_str(uri).decode_utf8_lossy();
         let (path, note) = find(source.path, source.path, &name, source.options.allow_outside)?;
         if let Some(note) = note {
             source.notes.add(None, note);
@@ -148,24 +149,4 @@ fn embedded(uri: &str) -> Option<Result<Vec<u8>, String>> {
     let rest = uri.strip_prefix("data:")?;
     let Some((_, text)) = rest.split_once(";base64,") else { return Some(Err("data that is not base64".into())) };
     Some(STANDARD.decode(text).map_err(|error| format!("malformed base64: {error}")))
-}
-
-/// A file's name without escapes like %20.
-fn percent_decoded(uri: &str) -> String {
-    let mut bytes = Vec::with_capacity(uri.len());
-    let mut rest = uri.as_bytes();
-    while let [first, tail @ ..] = rest {
-        let digit = |at: usize| tail.get(at).and_then(|&c| char::from(c).to_digit(16));
-        match (first, digit(0), digit(1)) {
-            (b'%', Some(high), Some(low)) => {
-                bytes.push((16 * high + low) as u8);
-                rest = &tail[2..];
-            }
-            _ => {
-                bytes.push(*first);
-                rest = tail;
-            }
-        }
-    }
-    String::from_utf8_lossy(&bytes).into_owned()
 }

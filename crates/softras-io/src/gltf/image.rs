@@ -129,14 +129,16 @@ pub(super) fn look(source: &mut Source, root: &json::Root, index: Option<usize>)
     let mut glow = if is_unlit { [0.0; 3] } else { glow };
     let mut map = pbr.base_color_texture.as_ref().map(Map::of);
     if glow != [0.0; 3] {
-        source.notes.once("emitted light is drawn as colour, which lamps shade: --unlit shows it as it is");
+        source.notes.count(None, "emitted light is drawn as colour, which lamps shade: --unlit shows it as it is");
         let emitted = material.emissive_texture.as_ref().map(Map::of);
         match (&mut map, emitted) {
             (_, None) => {}
             (None, Some(emitted)) => map = Some(Map { is_glow: true, ..emitted }),
             (Some(map), Some(emitted)) if map.is_at(&emitted) => map.glow = Some(emitted.info.index.0),
             (Some(_), Some(_)) => {
-                source.notes.once("a texture of emitted light at other UVs than that of the base colour is not drawn");
+                source
+                    .notes
+                    .count(None, "a texture of emitted light at other UVs than that of the base colour is not drawn");
                 glow = [0.0; 3];
             }
         }
@@ -198,7 +200,7 @@ fn placed(source: &mut Source, document: &Document, map: &Map) -> Result<(usize,
         _ => Edge::Repeat,
     };
     if sampler.is_some_and(|sampler| sampler.mag_filter == Some(json::Whole(NEAREST))) {
-        source.notes.once("textures are drawn smoothly, not by the nearest texel");
+        source.notes.count(None, "textures are drawn smoothly, not by the nearest texel");
     }
     let edges = sampler.map_or([Edge::Repeat; 2], |sampler| [mode(sampler.wrap_s), mode(sampler.wrap_t)]);
     Ok((index, edges))
@@ -249,5 +251,6 @@ fn read(source: &mut Source, document: &mut Document, index: usize, room: Room) 
         }
     };
     let file = document.image(source, image)?;
-    texture::decode(ImageReader::new(Cursor::new(file.bytes())), source.options.srgb, room)
+    let bytes = file.bytes();
+    texture::decode(ImageReader::new(Cursor::new(bytes)), bytes.len() as u64, source.options.srgb, room)
 }

@@ -34,6 +34,7 @@ use softras::{
     Result,
     scene::{Appearance, Mesh, Texture, Wrap},
 };
+use std::collections::BTreeSet;
 
 /// The most vertices, and the most triangles, where a file draws its meshes several times; without that, the bytes of its
 /// buffers are the limit.
@@ -65,7 +66,7 @@ pub(super) fn read(source: &mut Source, bytes: &[u8]) -> Result<Mesh> {
     scene::add_scene(&mut soup, source, &mut document).map_err(wrong)?;
     let (textures, of_piece) = image::textures(source, &mut document, &soup.pieces).map_err(wrong)?;
     soup.note_looks(source, &root);
-    source.opacity = soup.opacity();
+    (source.opacity, source.y_is_up) = (soup.opacity(), true);
     soup.mesh(source, textures, &of_piece)
 }
 
@@ -103,7 +104,6 @@ struct Soup {
     triangles: Vec<[u32; 3]>,
     pieces: Vec<Piece>,
     has_vertex_colors: bool,
-    far_uvs: usize,
 }
 
 impl Soup {
@@ -118,14 +118,14 @@ impl Soup {
     ) -> Result<(), String> {
         let mode = primitive.mode.map_or(TRIANGLES, |mode| mode.0);
         if mode < TRIANGLES {
-            source.notes.once("lines and points are not drawn");
+            source.notes.count(None, "lines and points are not drawn");
             return Ok(());
         }
         if mode > FAN {
             return Err("an unknown mode".into());
         }
         let Some(position) = primitive.attribute("POSITION") else {
-            source.notes.once("a primitive without positions is not drawn");
+            source.notes.count(None, "a primitive without positions is not drawn");
             return Ok(());
         };
         let is_packed = primitive.extensions.contains_key("KHR_draco_mesh_compression");
@@ -199,14 +199,16 @@ impl Soup {
         for uv in uvs.iter().flatten().take(count) {
             let uv = look.map.as_ref().map_or(*uv, |map| map.transformed(*uv));
             let fits = uv.iter().all(|x| x.abs() <= FARTHEST_UV);
-            self.far_uvs += usize::from(!fits);
+            if !fits {
+                source.notes.count(None, FAR_UVS);
+            }
             let uv = if fits { uv } else { [0.0; 2] };
             range = [[0, 1].map(|k| range[0][k].min(uv[k])), [0, 1].map(|k| range[1][k].max(uv[k]))];
             self.uvs.push(uv);
         }
         self.uvs.resize(start + count, [0.0; 2]);
         if look.map.is_some() && uvs.is_none() {
-            source.notes.once("a texture whose UVs are missing is not drawn");
+            source.notes.count(None, "a texture whose UVs are missing is not drawn");
         }
         self.pieces.push(Piece {
             material,
@@ -243,8 +245,10 @@ impl Soup {
         if opacity.iter().all(|opacity| *opacity == 1.0) { Vec::new() } else { opacity }
     }
 
-    /// Notes what of the materials depends on all pieces.
+    /// Names the materials, and notes what of them depends on all pieces.
     fn note_looks(&self, source: &mut Source, root: &json::Root) {
+        let used: BTreeSet<usize> = self.pieces.iter().filter_map(|piece| piece.material).collect();
+        source.materials = used.iter().map(|&index| root.materials[index].name.clone()).collect();
         let is_drawn = |piece: &&Piece| piece.end > 0;
         let unlit = self.pieces.iter().filter(is_drawn).filter(|piece| piece.look.is_unlit).count();
         source.unlit = unlit > 0 && unlit == self.pieces.len();
@@ -256,9 +260,6 @@ impl Soup {
             let material = piece.material.and_then(|index| root.materials.get(index));
             let name: String = material.map_or("", |material| &material.name).chars().take(40).collect();
             source.notes.add(None, format!("material {name:?} is wholly transparent: its triangles are invisible"));
-        }
-        if self.far_uvs > 0 {
-            source.notes.add(None, format!("{FAR_UVS} ({} in all)", self.far_uvs));
         }
         let blends = |piece: &Piece| piece.look.cut != image::Cut::Opaque;
         if self.colors.iter().any(|color| color[3] != 1.0) && self.pieces.iter().any(blends) {
@@ -331,7 +332,7 @@ impl Soup {
         };
         let patches: Vec<Patch> = varying.iter().map(patch).collect();
         if patches.iter().any(|patch| patch.image.is_some()) {
-            source.notes.once("vertex colours times a texture are drawn as a new texture");
+            source.notes.count(None, "vertex colours times a texture are drawn as a new texture");
         }
         let most = source.room().texels(0).max(4 * patches.len() as u64);
         let made = if patches.is_empty() { None } else { Some(paint::patches(&patches, most)) };

@@ -103,7 +103,7 @@ pub(super) fn is_readable(extension: &str) -> bool {
 /// reader notes.
 pub fn note_all(source: &mut Source, root: &Value) {
     let mut walk = Walk { fates: fate::names(PROPERTIES).collect(), found: BTreeMap::new() };
-    walk.object(root, &mut String::new(), None);
+    walk.object(root, &mut String::new(), "");
     for (text, (place, count)) in walk.found {
         let count = if count > 1 { format!(" ({count} in all)") } else { String::new() };
         source.notes.add(None, format!("{place}: {text}{count}"));
@@ -117,8 +117,8 @@ struct Walk {
 }
 
 impl Walk {
-    /// Goes through the properties of an object at a path; `number` is its own in the list that it stands in.
-    fn object(&mut self, value: &Value, path: &mut String, number: Option<usize>) {
+    /// Goes through the properties of an object at a path; `own` is its number in the list that it stands in, and its name.
+    fn object(&mut self, value: &Value, path: &mut String, own: &str) {
         let Value::Object(object) = value else { return };
         for (name, value) in object {
             if name == "extras" || name == "name" {
@@ -127,7 +127,7 @@ impl Walk {
             if name == "extensions" {
                 for (extension, value) in value.as_object().into_iter().flatten() {
                     let fate = self.fates.get(format!("extensions.{extension}").as_str()).copied();
-                    let place = || format!("{}extension {extension}", place(path, number));
+                    let place = || format!("{}extension {extension}", place(path, own));
                     // A list of lights, variants or metadata changes nothing; what refers to it does.
                     let is_list = path.is_empty() && fate.is_some();
                     if !is_list && value != &Value::Null {
@@ -137,7 +137,7 @@ impl Walk {
                 continue;
             }
             let length = path.len();
-            let place = || format!("{}{name}", place(path, number));
+            let place = || format!("{}{name}", place(path, own));
             let general = if path == "meshes.primitives.attributes" { general(name) } else { name.clone() };
             let whole = if path.is_empty() { general } else { format!("{path}.{general}") };
             let fate = self.fates.get(whole.as_str()).copied();
@@ -152,11 +152,16 @@ impl Walk {
                 path.clear();
                 path.push_str(&whole);
                 match value {
-                    Value::Array(all) => all.iter().enumerate().for_each(|(i, one)| self.object(one, path, Some(i))),
-                    one if is_parent => self.object(one, path, number),
+                    Value::Array(all) => {
+                        for (i, one) in all.iter().enumerate() {
+                            let name = one["name"].as_str().map_or(String::new(), |name| format!(" {name:.40?}"));
+                            self.object(one, path, &format!("[{i}]{name}"));
+                        }
+                    }
+                    one if is_parent => self.object(one, path, own),
                     one => {
                         let only = serde_json::json!({ "extensions": one["extensions"] });
-                        self.object(&only, path, number);
+                        self.object(&only, path, own);
                     }
                 }
                 path.truncate(length);
@@ -181,14 +186,13 @@ fn is_below(known: &str, path: &str) -> bool {
     known.strip_prefix(path).is_some_and(|rest| rest.starts_with('.'))
 }
 
-/// `materials.pbrMetallicRoughness` of number 3 as `materials[3].pbrMetallicRoughness.`.
-fn place(path: &str, number: Option<usize>) -> String {
-    let number = number.map_or(String::new(), |number| format!("[{number}]"));
+/// `materials.pbrMetallicRoughness` of `[3] "wood"` as `materials[3] "wood".pbrMetallicRoughness.`.
+fn place(path: &str, own: &str) -> String {
     let short: String = path.chars().take(80).collect();
     match short.split_once('.') {
-        Some((first, rest)) => format!("{first}{number}.{rest}."),
+        Some((first, rest)) => format!("{first}{own}.{rest}."),
         None if short.is_empty() => short,
-        None => format!("{short}{number}."),
+        None => format!("{short}{own}."),
     }
 }
 

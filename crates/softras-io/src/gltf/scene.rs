@@ -82,7 +82,7 @@ fn visit<'a>(
             return Err("its nodes are drawn for too many parents".into());
         }
         if std::mem::replace(&mut is_above[index], true) {
-            source.notes.once("a node that is its own descendant is drawn once");
+            source.notes.count(None, "a node that is its own descendant is drawn once");
             continue;
         }
         waiting.push(Step::Leave(index));

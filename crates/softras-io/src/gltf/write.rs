@@ -1,7 +1,7 @@
 //! Writes meshes as binary glTF files, with everything in one file.
 
 use crate::{obj::png, several_cells};
-use serde_json::{Value, json};
+use serde_json::{Map, Value, json};
 use softras::{
     Mesh, Result,
     scene::{Appearance, Texture, Wrap},
@@ -82,32 +82,31 @@ pub fn glb(mesh: &Mesh, origin: [f64; 3]) -> Result<Vec<u8>> {
 #[derive(Default)]
 struct File {
     bytes: Vec<u8>,
-    views: Vec<Value>,
-    accessors: Vec<Value>,
-    materials: Vec<Value>,
-    textures: Vec<Value>,
-    images: Vec<Value>,
-    samplers: Vec<Value>,
-}
-
-fn push(list: &mut Vec<Value>, value: Value) -> usize {
-    list.push(value);
-    list.len() - 1
+    root: Map<String, Value>,
 }
 
 impl File {
+    /// Adds a value to a list of the root, and returns its number.
+    fn push(&mut self, list: &str, value: Value) -> usize {
+        let list = self.root.entry(list).or_insert(json!([])).as_array_mut();
+        list.map_or(0, |list| {
+            list.push(value);
+            list.len() - 1
+        })
+    }
+
     fn view(&mut self, content: &[u8]) -> usize {
         let offset = self.bytes.len();
         self.bytes.extend(content);
         self.bytes.resize(self.bytes.len().next_multiple_of(4), 0);
-        push(&mut self.views, json!({ "buffer": 0, "byteOffset": offset, "byteLength": content.len() }))
+        self.push("bufferViews", json!({ "buffer": 0, "byteOffset": offset, "byteLength": content.len() }))
     }
 
     fn floats<const N: usize>(&mut self, values: &[[f32; N]], kind: &str) -> usize {
         let bytes: Vec<u8> = values.as_flattened().iter().flat_map(|x| x.to_le_bytes()).collect();
         let view = self.view(&bytes);
         let accessor = json!({ "bufferView": view, "componentType": FLOAT, "count": values.len(), "type": kind });
-        push(&mut self.accessors, accessor)
+        self.push("accessors", accessor)
     }
 
     fn positions(&mut self, positions: &[[f32; 3]]) -> usize {
@@ -116,8 +115,8 @@ impl File {
             let fold = |a: [f32; 3], b: &[f32; 3]| [f(a[0], b[0]), f(a[1], b[1]), f(a[2], b[2])];
             positions.iter().fold(positions.first().copied().unwrap_or_default(), fold)
         };
-        self.accessors[accessor]["min"] = json!(ends(f32::min));
-        self.accessors[accessor]["max"] = json!(ends(f32::max));
+        self.root["accessors"][accessor]["min"] = json!(ends(f32::min));
+        self.root["accessors"][accessor]["max"] = json!(ends(f32::max));
         accessor
     }
 
@@ -132,7 +131,7 @@ impl File {
         let bytes: Vec<u8> = triangles.as_flattened().iter().flat_map(|i| i.to_le_bytes()).collect();
         let (view, count) = (self.view(&bytes), 3 * triangles.len());
         let accessor = json!({ "bufferView": view, "componentType": UNSIGNED, "count": count, "type": "SCALAR" });
-        let indices = push(&mut self.accessors, accessor);
+        let indices = self.push("accessors", accessor);
         json!({ "attributes": attributes, "indices": indices, "material": material })
     }
 
@@ -143,42 +142,34 @@ impl File {
         if blends {
             material["alphaMode"] = "BLEND".into();
         }
-        push(&mut self.materials, material)
+        self.push("materials", material)
     }
 
     fn textured(&mut self, texture: &Texture) -> Result<usize> {
         let view = self.view(&png(texture)?);
-        let image = push(&mut self.images, json!({ "bufferView": view, "mimeType": "image/png" }));
+        let image = self.push("images", json!({ "bufferView": view, "mimeType": "image/png" }));
         let wrap = if texture.wrap() == Wrap::Clamp { CLAMP } else { REPEAT };
-        let sampler = push(&mut self.samplers, json!({ "wrapS": wrap, "wrapT": wrap }));
-        let index = push(&mut self.textures, json!({ "source": image, "sampler": sampler }));
+        let sampler = self.push("samplers", json!({ "wrapS": wrap, "wrapT": wrap }));
+        let index = self.push("textures", json!({ "source": image, "sampler": sampler }));
         Ok(self.material(json!({ "baseColorTexture": { "index": index } }), texture.alpha().is_some()))
     }
 
     fn finished(mut self, primitives: Vec<Value>, origin: [f64; 3]) -> Vec<u8> {
-        let mut root = json!({
-            "asset": { "version": "2.0", "generator": "softras" },
-            "scene": 0,
-            "scenes": [{ "nodes": [0] }],
-            "nodes": [{ "mesh": 0 }],
-            "meshes": [{ "primitives": primitives }],
-            "buffers": [{ "byteLength": self.bytes.len() }],
-        });
+        let mut node = json!({ "mesh": 0 });
         if origin != [0.0; 3] {
-            root["nodes"][0]["translation"] = json!(origin);
+            node["translation"] = json!(origin);
         }
-        let lists = [
-            ("bufferViews", std::mem::take(&mut self.views)),
-            ("accessors", std::mem::take(&mut self.accessors)),
-            ("materials", std::mem::take(&mut self.materials)),
-            ("textures", std::mem::take(&mut self.textures)),
-            ("images", std::mem::take(&mut self.images)),
-            ("samplers", std::mem::take(&mut self.samplers)),
-        ];
-        for (name, list) in lists.into_iter().filter(|(_, list)| !list.is_empty()) {
-            root[name] = list.into();
+        for (name, value) in [
+            ("asset", json!({ "version": "2.0", "generator": "softras" })),
+            ("scene", json!(0)),
+            ("scenes", json!([{ "nodes": [0] }])),
+            ("nodes", json!([node])),
+            ("meshes", json!([{ "primitives": primitives }])),
+            ("buffers", json!([{ "byteLength": self.bytes.len() }])),
+        ] {
+            self.root.insert(name.into(), value);
         }
-        let mut text = root.to_string().into_bytes();
+        let mut text = Value::from(self.root).to_string().into_bytes();
         text.resize(text.len().next_multiple_of(4), b' ');
         let length = 12 + 8 + text.len() + 8 + self.bytes.len();
         let mut file = b"glTF".to_vec();

@@ -43,10 +43,10 @@ pub(super) fn appearance(
         let taken = if only.is_some() { "its only material is taken" } else { "its faces are white" };
         source.notes.add(None, format!("materials without a `usemtl`: {taken}"));
     }
+    source.materials = used.iter().copied().flatten().chain(only).map(|material| material.name.clone()).collect();
     // The material of each face; `None` is white.
     let material_of_face = collected(source, obj.faces.iter().map(|face| face.material.map_or(only, |m| used[m])))?;
-    if let Some(clear) = obj.faces.iter().zip(&material_of_face).find(|(_, m)| m.is_some_and(|m| m.opacity() == 0.0)) {
-        let name = clear.0.material.map_or("", |m| &obj.materials[m].0);
+    if let Some(Material { name, .. }) = material_of_face.iter().flatten().find(|material| material.opacity() == 0.0) {
         source.notes.add(None, format!("material {name:?} is wholly transparent: its faces are invisible"));
     }
     let opacity = |material: &Option<&Material>| material.map_or(1.0, Material::opacity);
@@ -128,11 +128,8 @@ fn find_used<'a>(obj: &Obj, library: &'a Materials, notes: &mut Notes) -> Vec<Op
 
 fn note_textures_without_uvs(obj: &Obj, material_of_face: &[Option<&Material>], notes: &mut Notes) {
     let faces = obj.faces.iter().zip(material_of_face);
-    let mut bare = faces.filter(|(face, material)| has_map(material) && !face.has_uvs).map(|(face, _)| face.line);
-    if let Some(line) = bare.next() {
-        let count = 1 + bare.count();
-        let note = format!("faces with a texture but no UVs are drawn in their material's Kd ({count} in all)");
-        notes.add(Some(line), note);
+    for (face, _) in faces.filter(|(face, material)| has_map(material) && !face.has_uvs) {
+        notes.count(face.line, "faces with a texture but no UVs are drawn in their material's Kd");
     }
 }
 

@@ -56,7 +56,7 @@ impl Materials {
         if is_new {
             self.by_name.insert(name.into(), self.all.len());
         }
-        self.all.push(Material::default());
+        self.all.push(Material { name: name.into(), ..Material::default() });
         is_new
     }
 
@@ -102,6 +102,7 @@ impl Materials {
 /// A `newmtl` block.
 #[derive(Default)]
 pub(super) struct Material {
+    pub name: String,
     /// `Kd`; white when there is none.
     pub color: Option<[f32; 3]>,
     pub map: Option<Map>,
@@ -211,8 +212,13 @@ fn read_library(source: &mut Source, mtl: &Path, materials: &mut Materials) {
         let is_alpha = keyword.eq_ignore_ascii_case("map_d");
         let is_map = is_alpha || keyword.eq_ignore_ascii_case("map_Kd");
         match fate_of(keyword) {
-            Some(Fate::NotDrawn(what)) if !materials.all.is_empty() => {
-                note(format!("{keyword}: {what}"));
+            Some(Fate::NotDrawn(what)) => {
+                materials
+                    .all
+                    .iter()
+                    .last()
+                    .into_iter()
+                    .for_each(|m| note(format!("{keyword} of {:?}: {what}", m.name)));
                 continue;
             }
             Some(Fate::Drawn | Fate::Approximated(_)) => {}

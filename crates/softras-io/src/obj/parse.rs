@@ -10,8 +10,9 @@ use super::statement::{Statement, statements};
 use crate::{
     fate::{self, Drawn, Fates, NotDrawn, Silent},
     fault, fault_at, input,
-    notes::Ignored,
+    notes::Notes,
     source::Source,
+    text::name,
     texture::linear_from_srgb,
 };
 use softras::{Result, scene::Mesh};
@@ -106,12 +107,11 @@ pub(super) fn parse(source: &mut Source, text: &str) -> Result<Obj> {
     let path = source.path;
     let totals = count(text);
     let obj = Obj::sized(path, &totals, source.options.srgb)?;
-    let mut parser =
-        Parser { obj, totals, material: None, material_by_name: HashMap::new(), ignored: Ignored::default() };
+    let notes = &mut source.notes;
+    let mut parser = Parser { obj, totals, material: None, material_by_name: HashMap::new(), notes };
     for statement in statements(text) {
         parser.statement(&statement).map_err(|(what, fix)| fault_at(path, statement.line, what, fix))?;
     }
-    source.notes.extend(parser.ignored);
     let obj = parser.obj;
     if obj.faces.is_empty() {
         let (what, fix) = match obj.positions.len() {
@@ -201,16 +201,16 @@ impl Obj {
     }
 }
 
-struct Parser {
+struct Parser<'a> {
     obj: Obj,
     totals: Totals,
     /// The material of the faces that follow.
     material: Option<usize>,
     material_by_name: HashMap<String, usize>,
-    ignored: Ignored,
+    notes: &'a mut Notes,
 }
 
-impl Parser {
+impl Parser<'_> {
     fn statement(&mut self, statement: &Statement) -> Checked {
         let line = statement.line;
         match statement.keyword() {
@@ -221,11 +221,11 @@ impl Parser {
             "mtllib" => self.obj.libraries.push((statement.rest().into(), line)),
             "vn" => self.normal(statement),
             word => match fate::of(STATEMENTS, word) {
-                Some(NotDrawn(note)) => self.ignored.add(note, line),
+                Some(NotDrawn(note)) => self.notes.count(line, note),
                 Some(_) => {}
                 None => {
                     let word: String = word.chars().take(32).collect();
-                    self.ignored.add(format!("unknown statement {word:?} ignored"), line);
+                    self.notes.count(line, &format!("unknown statement {word:?} ignored"));
                 }
             },
         }
@@ -242,7 +242,7 @@ impl Parser {
             (7, [w, r, g, b]) if self.totals.has_weights() => (Some(w), Some([r, g, b])),
             (7, [r, g, b, a]) => {
                 if a.parse() != Ok(1.0f32) {
-                    self.ignored.add("the alpha of vertex colours is not drawn", statement.line);
+                    self.notes.count(statement.line, "the alpha of vertex colours is not drawn");
                 }
                 (None, Some([r, g, b]))
             }
@@ -252,7 +252,7 @@ impl Parser {
         match color {
             Some(color) => self.color(color, statement.line)?,
             None if self.totals.colored > 0 => {
-                self.ignored.add("vertex without a colour among others that have one: white", statement.line);
+                self.notes.count(statement.line, "vertex without a colour among others that have one: white");
                 self.obj.colors.push([1.0; 3]);
             }
             None => {}
@@ -268,7 +268,7 @@ impl Parser {
                 return Err(("the fourth coordinate w is zero".into(), "give a finite point"));
             }
             if w != 1.0 {
-                self.ignored.add("the fourth coordinate w divides x, y and z", line);
+                self.notes.count(line, "the fourth coordinate w divides x, y and z");
             }
             position = position.map(|x| x / w);
         }
@@ -285,11 +285,11 @@ impl Parser {
     fn color(&mut self, rgb: [&str; 3], line: usize) -> Checked {
         let mut color = numbers::<f32, 3>("vertex colour", &rgb)?;
         if let Some(i) = color.iter().position(|x| x.is_nan() || x.abs() > Mesh::BRIGHTEST) {
-            let what = format!("vertex colour {:?} is not within ±{:e}", shown(rgb[i]), Mesh::BRIGHTEST);
+            let what = format!("vertex colour {:?} is not within ±{:e}", name(rgb[i]), Mesh::BRIGHTEST);
             return Err((what, "give r, g and b from 0 to 1"));
         }
         if self.totals.bright * 2 > self.totals.colored {
-            self.ignored.add("vertex colours up to 255 are divided by 255", line);
+            self.notes.count(line, "vertex colours up to 255 are divided by 255");
             color = color.map(|x| x / 255.0);
         }
         self.obj.colors.push(if self.obj.srgb { color.map(linear_from_srgb) } else { color });
@@ -304,7 +304,7 @@ impl Parser {
             [u, v] => numbers("texture coordinate", &[u, v])?,
             [u, v, w] => {
                 if w.parse() != Ok(0.0f32) {
-                    self.ignored.add("the third texture coordinate is not used", statement.line);
+                    self.notes.count(statement.line, "the third texture coordinate is not used");
                 }
                 numbers("texture coordinate", &[u, v])?
             }
@@ -313,7 +313,7 @@ impl Parser {
         if uv.iter().all(|x| x.abs() <= FARTHEST_UV) {
             self.obj.uvs.push(uv);
         } else {
-            self.ignored.add(FAR_UVS, statement.line);
+            self.notes.count(statement.line, FAR_UVS);
             self.obj.uvs.push([0.0; 2]);
         }
         Ok(())
@@ -325,7 +325,7 @@ impl Parser {
         let normal = <[&str; 3]>::try_from(&words[..]).ok().and_then(|words| numbers::<f32, 3>("normal", &words).ok());
         let normal = normal.filter(|normal| normal.iter().all(|x| x.is_finite()));
         if normal.is_none() {
-            self.ignored.add("normals that are not three finite numbers are not used", statement.line);
+            self.notes.count(statement.line, "normals that are not three finite numbers are not used");
         }
         self.obj.normals.push(normal.unwrap_or_default());
     }
@@ -346,7 +346,7 @@ impl Parser {
             with_uv += usize::from(uv.is_some());
         }
         if arity < 3 {
-            self.ignored.add("faces of fewer than three corners are not drawn", statement.line);
+            self.notes.count(statement.line, "faces of fewer than three corners are not drawn");
             self.obj.corners.truncate(start);
             self.obj.uv_corners.truncate(start);
             self.obj.normal_corners.truncate(start);
@@ -354,7 +354,7 @@ impl Parser {
         }
         let has_uvs = with_uv == arity;
         if !has_uvs && with_uv > 0 {
-            self.ignored.add("faces with texture coordinates at some corners only have none", statement.line);
+            self.notes.count(statement.line, "faces with texture coordinates at some corners only have none");
             self.obj.uv_corners[start..].fill(0);
         }
         self.obj.faces.push(Face { line: statement.line, material: self.material, has_uvs, arity });
@@ -366,19 +366,19 @@ impl Parser {
         let mut parts = word.split('/');
         let (vertex, uv, normal) = (parts.next().unwrap_or_default(), parts.next(), parts.next());
         if parts.next().is_some() {
-            return Err((format!("corner {:?} has more than three indices", shown(word)), CORNER_FORMS));
+            return Err((format!("corner {:?} has more than three indices", name(word)), CORNER_FORMS));
         }
         let vertex = index("vertex", vertex, self.obj.positions.len(), self.totals.vertices)?;
         let normal = match normal.filter(|n| !n.is_empty()) {
             Some(normal) if normal.parse::<i64>().is_err() => {
-                return Err((format!("normal index {:?} is not a whole number", shown(normal)), CORNER_FORMS));
+                return Err((format!("normal index {:?} is not a whole number", name(normal)), CORNER_FORMS));
             }
             Some(normal) => index("normal", normal, self.obj.normals.len(), self.totals.normals).unwrap_or(NO_NORMAL),
             None => NO_NORMAL,
         };
         let Some(uv) = uv.filter(|uv| !uv.is_empty()) else { return Ok((vertex, None, normal)) };
         if self.totals.uvs == 0 {
-            self.ignored.add("texture coordinates that the file names and does not give are left out", line);
+            self.notes.count(line, "texture coordinates that the file names and does not give are left out");
             return Ok((vertex, None, normal));
         }
         let uv = index("texture coordinate", uv, self.obj.uvs.len(), self.totals.uvs)?;
@@ -387,7 +387,7 @@ impl Parser {
 
     fn use_material(&mut self, name: &str, line: usize) {
         if name.is_empty() {
-            self.ignored.add("`usemtl` without a name: white from here on", line);
+            self.notes.count(line, "`usemtl` without a name: white from here on");
             self.material = None;
             return;
         }
@@ -406,20 +406,15 @@ fn numbers<T: Copy + Default + FromStr, const N: usize>(what: &str, words: &[&st
     for (value, word) in values.iter_mut().zip(words) {
         *value = word
             .parse()
-            .map_err(|_| (format!("{what} {:?} is not a number", shown(word)), "give plain decimal numbers"))?;
+            .map_err(|_| (format!("{what} {:?} is not a number", name(word)), "give plain decimal numbers"))?;
     }
     Ok(values)
-}
-
-/// The start of a word, for an error message: a word may be as long as the file.
-fn shown(word: &str) -> String {
-    word.chars().take(80).collect()
 }
 
 /// Reads an index, which counts from 1, or from -1 backwards over what the file has so far; the result counts from 0.
 fn index(what: &str, word: &str, so_far: usize, total: usize) -> Checked<u32> {
     let Ok(index) = word.parse::<i64>() else {
-        return Err((format!("{what} index {:?} is not a whole number", shown(word)), CORNER_FORMS));
+        return Err((format!("{what} index {:?} is not a whole number", name(word)), CORNER_FORMS));
     };
     let (count, lack) = if index < 0 { (so_far, " before it") } else { (total, "") };
     let magnitude = index.unsigned_abs();

@@ -4,10 +4,9 @@ use super::{material::Map, statement::before_comment};
 use crate::{
     find::find,
     source::Source,
-    texture::{Decoded, decode},
+    texture::{self, Decoded},
     textures::Room,
 };
-use image::ImageReader;
 use softras::scene::Texture;
 use std::path::{Path, PathBuf};
 
@@ -61,18 +60,7 @@ pub(super) fn faded(source: &mut Source, texture: Texture, map: &Map, path: &Pat
 }
 
 fn decoded(source: &mut Source, map: &Map, path: &Path, srgb: bool, room: Room, without: &str) -> Option<Decoded> {
-    let reader = ImageReader::open(path).map_err(|error| error.to_string());
-    match reader.and_then(|reader| decode(reader, srgb, room)) {
-        Ok(decoded) => {
-            if !source.files.iter().any(|file| file == path) {
-                source.files.push(path.into());
-            }
-            Some(decoded)
-        }
-        Err(what) => {
-            let note = format!("texture {}: {what}: {without}", path.display());
-            source.notes.add_in(&map.mtl, Some(map.line), note);
-            None
-        }
-    }
+    let decoded = texture::read(source, path, srgb, room);
+    let note = |what: String| format!("texture {}: {what}: {without}", path.display());
+    decoded.map_err(|what| source.notes.add_in(&map.mtl, Some(map.line), note(what))).ok()
 }

@@ -30,7 +30,6 @@ pub(super) fn triangulate(path: &Path, obj: &Obj, notes: &mut Notes) -> Result<T
         normals: input::vector(path, if obj.normal_corners.is_empty() { 0 } else { count })?,
         faces: input::vector(path, count)?,
     };
-    let mut not_simple = Vec::new();
     let mut start = 0;
     for (index, face) in obj.faces.iter().enumerate() {
         let corners = &obj.corners[start..start + face.arity];
@@ -42,7 +41,7 @@ pub(super) fn triangulate(path: &Path, obj: &Obj, notes: &mut Notes) -> Result<T
         let cut = polygon::triangulate(&polygon)
             .map_err(|what| fault_at(path, face.line, what, "triangulate it in a modelling program"))?;
         if !cut.is_simple {
-            not_simple.push(face.line);
+            notes.count(face.line, polygon::NOT_SIMPLE);
         }
         for triangle in cut.triangles {
             triangles.vertices.push(triangle.map(|c| corners[c]));
@@ -50,9 +49,6 @@ pub(super) fn triangulate(path: &Path, obj: &Obj, notes: &mut Notes) -> Result<T
             triangles.normals.extend(normals.map(|normals| triangle.map(|c| normal(normals[c]))));
             triangles.faces.push(index);
         }
-    }
-    if let Some(line) = not_simple.first() {
-        notes.add(Some(*line), format!("{} ({} in all)", polygon::NOT_SIMPLE, not_simple.len()));
     }
     Ok(triangles)
 }

@@ -9,13 +9,13 @@ use crate::{
     fate::{self, Drawn, Fates, NotDrawn, Silent},
     fault,
     find::find,
+    notes::Notes,
     obj::{FAR_UVS, FARTHEST_UV},
     polygon,
     source::Source,
     texture::{self, linear_from_srgb},
     textures::Room,
 };
-use image::ImageReader;
 use rows::{Row, Table, VALUES, least_bytes};
 use serde_ply::{PlyReader, ScalarType};
 use softras::{
@@ -80,13 +80,8 @@ struct Ply {
     images: Vec<String>,
     /// Faces before the vertices that they name, and strips.
     waiting: Vec<Waiting>,
-    short_faces: usize,
-    far_uvs: usize,
-    not_simple: usize,
     /// Whether the colours of vertices, and of faces, are floats.
     in_floats: [bool; 2],
-    /// Vertices and faces that are not opaque.
-    clear: usize,
 }
 
 /// A face that is drawn when all vertices are read.
@@ -103,18 +98,6 @@ pub(super) fn read(source: &mut Source, mut bytes: Vec<u8>) -> Result<Mesh> {
     let mut ply = parse(source, &bytes).map_err(|what| fault(source.path, what, "export the file again"))?;
     drop(bytes);
     ply.settle_colors(source);
-    if ply.short_faces > 0 {
-        source.notes.add(None, format!("faces of fewer than three corners are not drawn ({} in all)", ply.short_faces));
-    }
-    if ply.far_uvs > 0 {
-        source.notes.add(None, format!("{FAR_UVS} ({} in all)", ply.far_uvs));
-    }
-    if ply.clear > 0 {
-        source.notes.add(None, format!("{ALPHA} ({} in all)", ply.clear));
-    }
-    if ply.not_simple > 0 {
-        source.notes.add(None, format!("{} ({} in all)", polygon::NOT_SIMPLE, ply.not_simple));
-    }
     let (positions, triangles) = (mem::take(&mut ply.positions), mem::take(&mut ply.triangles));
     source.keep_normals(&mem::take(&mut ply.normals), &triangles);
     let positions = source.placed(&positions, &triangles)?;
@@ -157,18 +140,18 @@ fn parse(source: &mut Source, bytes: &[u8]) -> Result<Ply, String> {
         for property in element.properties.iter().filter(|_| element.count > 0) {
             match fate::of(PROPERTIES, &format!("{}.{}", element.name, property.name)) {
                 // What is opaque says nothing.
-                Some(NotDrawn(note)) if note != ALPHA => source.notes.once(note),
+                Some(NotDrawn(note)) if note != ALPHA => source.notes.count(None, note),
                 _ => {}
             }
         }
         match element.name.as_str() {
             "vertex" => {
                 table.choose(&VERTEX, VERTEX.len());
-                table.read(&mut reader, &mut ply.take_vertex(&table, source.options.srgb)?)?;
+                table.read(&mut reader, &mut ply.take_vertex(&table, source)?)?;
             }
             "face" => {
                 table.choose(&FACE, LISTS);
-                table.read(&mut reader, &mut ply.take_face(&table, source.options.srgb)?)?;
+                table.read(&mut reader, &mut ply.take_face(&table, source)?)?;
             }
             "tristrips" => {
                 table.choose(&FACE, LISTS);
@@ -176,7 +159,7 @@ fn parse(source: &mut Source, bytes: &[u8]) -> Result<Ply, String> {
             }
             name => {
                 match fate::of(PROPERTIES, name).filter(|_| element.count > 0) {
-                    Some(NotDrawn(note)) => source.notes.once(note),
+                    Some(NotDrawn(note)) => source.notes.count(None, note),
                     None if element.count > 0 => source.notes.add(None, format!("element {name:?} is not read")),
                     _ => {}
                 }
@@ -185,7 +168,7 @@ fn parse(source: &mut Source, bytes: &[u8]) -> Result<Ply, String> {
         }
     }
     for Waiting { number, corners, color, uvs, image } in mem::take(&mut ply.waiting) {
-        ply.add_face(number, &corners, color, uvs.as_deref(), image)?;
+        ply.add_face(&mut source.notes, number, &corners, color, uvs.as_deref(), image)?;
     }
     Ok(ply)
 }
@@ -212,12 +195,16 @@ fn shade(kind: Option<ScalarType>, srgb: bool) -> impl Fn(f64) -> f32 {
 
 impl Ply {
     /// What is done with a row of vertices.
-    fn take_vertex(&mut self, table: &Table, srgb: bool) -> Result<impl FnMut(&Row) -> Result<(), String>, String> {
+    fn take_vertex(
+        &mut self,
+        table: &Table,
+        source: &mut Source,
+    ) -> Result<impl FnMut(&Row) -> Result<(), String>, String> {
         if !table.has(0..3) {
             return Err("its vertices have no x, y and z".into());
         }
         let (colored, mapped, curved) = (table.has(3..6), table.has(6..8), table.has(8..11));
-        let shade = shade(table.kind(3), srgb);
+        let shade = shade(table.kind(3), source.options.srgb);
         self.in_floats[0] = most(table.kind(3)).is_none();
         let (has_alpha, opaque) = (table.has(11..12), most(table.kind(11)).unwrap_or(1.0).into());
         Ok(move |row: &Row| {
@@ -227,31 +214,38 @@ impl Ply {
                 self.colors.push([r, g, b].map(&shade));
             }
             if mapped {
-                let uv = self.checked([u, v]);
-                self.uvs.push(uv);
+                self.uvs.push(checked(&mut source.notes, [u, v]));
             }
             if curved {
                 self.normals.push([nx, ny, nz].map(|x| x as f32));
             }
-            self.clear += usize::from(has_alpha && alpha < opaque);
+            if has_alpha && alpha < opaque {
+                source.notes.count(None, ALPHA);
+            }
             Ok(())
         })
     }
 
     /// What is done with a row of faces.
-    fn take_face(&mut self, table: &Table, srgb: bool) -> Result<impl FnMut(&Row) -> Result<(), String>, String> {
+    fn take_face(
+        &mut self,
+        table: &Table,
+        source: &mut Source,
+    ) -> Result<impl FnMut(&Row) -> Result<(), String>, String> {
         if !table.has(LISTS..LISTS + 1) {
             return Err("its faces have no list vertex_indices".into());
         }
         let (colored, numbered, mapped) = (table.has(0..3), table.has(3..4), table.has(LISTS + 1..LISTS + 2));
-        let shade = shade(table.kind(0), srgb);
+        let shade = shade(table.kind(0), source.options.srgb);
         self.in_floats[1] = most(table.kind(0)).is_none();
         let (has_alpha, opaque) = (table.has(4..5), most(table.kind(4)).unwrap_or(1.0).into());
         let mut number = 0;
         // A row may come before the vertices that it names, and is drawn when all are read.
         Ok(move |row: &Row| {
             number += 1;
-            self.clear += usize::from(has_alpha && row.values[4] < opaque);
+            if has_alpha && row.values[4] < opaque {
+                source.notes.count(None, ALPHA);
+            }
             let color = colored.then(|| [row.values[0], row.values[1], row.values[2]].map(&shade));
             let corners = &row.lists[LISTS];
             let uvs = mapped.then(|| &row.lists[LISTS + 1][..]);
@@ -261,12 +255,13 @@ impl Ply {
                 self.waiting.push(Waiting { number, corners, color, uvs, image });
                 return Ok(());
             }
-            self.add_face(number, corners, color, uvs, image)
+            self.add_face(&mut source.notes, number, corners, color, uvs, image)
         })
     }
 
     fn add_face(
         &mut self,
+        notes: &mut Notes,
         number: usize,
         corners: &[f64],
         color: Option<[f32; 3]>,
@@ -280,19 +275,21 @@ impl Ply {
         };
         let corners = corners.iter().map(corner).collect::<Result<Vec<u32>, String>>()?;
         if corners.len() < 3 {
-            self.short_faces += 1;
+            notes.count(None, "faces of fewer than three corners are not drawn");
             return Ok(());
         }
         let polygon: Vec<_> = corners.iter().map(|&v| self.positions[v as usize]).collect();
         let cut = polygon::triangulate(&polygon).map_err(|what| format!("face {number}: {what}"))?;
-        self.not_simple += usize::from(!cut.is_simple);
+        if !cut.is_simple {
+            notes.count(None, polygon::NOT_SIMPLE);
+        }
         let fitting = uvs.filter(|uvs| uvs.len() == 2 * corners.len());
         for triangle in cut.triangles {
             self.triangles.push(triangle.map(|c| corners[c]));
             self.face_colors.extend(color);
             self.image_of_triangle.extend(image);
             if uvs.is_some() {
-                let uv = triangle.map(|c| fitting.map_or([0.0; 2], |uvs| self.checked([uvs[2 * c], uvs[2 * c + 1]])));
+                let uv = triangle.map(|c| fitting.map_or([0.0; 2], |uvs| checked(notes, [uvs[2 * c], uvs[2 * c + 1]])));
                 self.corner_uvs.push(uv);
             }
         }
@@ -329,14 +326,16 @@ impl Ply {
             colors.iter_mut().for_each(|color| *color = color.map(one));
         }
     }
+}
 
-    /// A UV, or 0 for one that is out of range.
-    fn checked(&mut self, uv: [f64; 2]) -> [f32; 2] {
-        let uv = uv.map(|x| x as f32);
-        let fits = uv.iter().all(|x| x.abs() <= FARTHEST_UV);
-        self.far_uvs += usize::from(!fits);
-        if fits { uv } else { [0.0; 2] }
+/// A UV, or 0 for one that is out of range.
+fn checked(notes: &mut Notes, uv: [f64; 2]) -> [f32; 2] {
+    let uv = uv.map(|x| x as f32);
+    if uv.iter().all(|x| x.abs() <= FARTHEST_UV) {
+        return uv;
     }
+    notes.count(None, FAR_UVS);
+    [0.0; 2]
 }
 
 /// An image at UVs is preferred to colours of vertices and these to those of faces; what is not used is noted.
@@ -393,15 +392,7 @@ fn texture(source: &mut Source, name: &str, room: Room) -> Option<Texture> {
     if let Some(note) = note {
         source.notes.add(None, format!("texture {note}"));
     }
-    let reader = ImageReader::open(&path).map_err(|error| error.to_string());
-    match reader.and_then(|reader| texture::decode(reader, source.options.srgb, room)) {
-        Ok(decoded) => {
-            source.files.push(path);
-            decoded.texture(Wrap::Repeat).ok()
-        }
-        Err(what) => {
-            source.notes.add(None, format!("texture {}: {what}", path.display()));
-            None
-        }
-    }
+    let decoded = texture::read(source, &path, source.options.srgb, room);
+    let note = |what: String| format!("texture {}: {what}", path.display());
+    decoded.map_err(|what| source.notes.add(None, note(what))).ok()?.texture(Wrap::Repeat).ok()
 }

@@ -79,4 +79,11 @@ fn malformed_files_are_read_or_refused_as_their_names_say() {
         fs::write(&obj, format!("mtllib mesh.mtl\n{TRIANGLE}")).unwrap();
         outcome(load(&obj, options))
     });
+    check("cameras", "", |path, _| {
+        let folder = path.parent().unwrap();
+        image::RgbaImage::new(4, 4).save(folder.join("a.png")).unwrap();
+        let options = softras_io::ViewsOptions { cameras: Some(path.into()), ..Default::default() };
+        let read = softras_io::Views::open_with(folder, &options, &softras_io::Budget::new(None));
+        read.map(drop).map_err(|_| (path.into(), None))
+    });
 }

@@ -133,18 +133,18 @@ impl Draw {
     fn tame(mut random: Random, form: &'static Form, realistic: bool) -> Self {
         let (near, far) = (random.range(0.1, 1.0), random.log_range(10.0, 200.0));
         let gamma = random.log_range(1e-5, 1.0).max(1e-4 / (far - near));
-        let mut settings = form.settings(Settings {
+        let mut settings = Settings {
             width: random.log_range(1.0, 40.0) as u32,
             height: random.log_range(4.0, 40.0) as u32,
             sigma: random.log_range(1e-6, 1e-2),
-            gamma: if form.support == Support::Guaranteed { gamma.max(0.05) } else { gamma },
+            gamma: if form.modes.support == Support::Guaranteed { gamma.max(0.05) } else { gamma },
             epsilon: random.choose(&[1e-3, 0.0, 0.9, -0.5]),
             tau: random.log_range(1e-6, 1e-1),
             near,
             far,
             background_color: random.color().map(f64::from),
-            ..Settings::default()
-        });
+            ..form.modes.clone()
+        };
         if realistic {
             (settings.width, settings.height) = realistic_size(&mut random);
             settings.sigma = random.log_range(1e-6, 1e-3);
@@ -156,7 +156,7 @@ impl Draw {
     fn wild(mut random: Random, form: &'static Form, realistic: bool) -> Self {
         let (width, height) = if realistic { realistic_size(&mut random) } else { size(&mut random) };
         let (near, far) = depths(&mut random);
-        let settings = form.settings(Settings {
+        let settings = Settings {
             width,
             height,
             // With a larger σ every triangle of a large mesh influences every pixel: seconds a scene, for what small
@@ -168,8 +168,8 @@ impl Draw {
             near,
             far,
             background_color: random.color().map(f64::from),
-            ..Settings::default()
-        });
+            ..form.modes.clone()
+        };
         let most = match random.below(60) {
             0 => 0,
             1 => 1500,

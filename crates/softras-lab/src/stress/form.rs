@@ -6,9 +6,7 @@ use softras::scene::{
     Parity, Settings, Shading, SilhouetteAggregation, Support, SurfacePoint, Texture, Wrap,
 };
 use softras::{GradientMode, Result};
-
-const USUAL: Outputs = Outputs { color: true, silhouette: true, depth: false, normal: false };
-const SILHOUETTE: Outputs = Outputs::SILHOUETTE;
+use std::sync::LazyLock;
 
 /// The kind of appearance of a form's meshes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -20,104 +18,52 @@ enum Look {
 }
 
 /// One combination of modes.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Form {
     look: Look,
     lit: Option<Shading>,
     pub gradient: GradientMode,
-    outputs: Outputs,
-    color: ColorAggregation,
-    silhouette: SilhouetteAggregation,
-    distance: Distance,
-    background: Background,
-    faces: Faces,
-    interpolation: Interpolation,
-    parity: Parity,
-    surface_point: SurfacePoint,
-    pub support: Support,
+    /// The modes; numbers are each case's own.
+    pub modes: Settings,
 }
-
-const PAPER: Form = Form {
-    look: Look::Vertices,
-    lit: None,
-    gradient: GradientMode::Exact,
-    outputs: USUAL,
-    color: ColorAggregation::Softmax,
-    silhouette: SilhouetteAggregation::Product,
-    distance: Distance::Euclidean,
-    background: Background::Weighted,
-    faces: Faces::Both,
-    interpolation: Interpolation::Affine,
-    parity: Parity::Model,
-    surface_point: SurfacePoint::Nearest,
-    support: Support::Probability,
-};
 
 /// The number of combinations.
 pub const FORMS: usize = 10;
 
 /// All combinations, from the most to the least used.
-pub(super) const TABLE: [Form; FORMS] = [
-    PAPER,
-    Form {
-        look: Look::Uniform,
-        lit: Some(Shading::Flat),
-        outputs: Outputs::ALL,
-        background: Background::Composite,
-        ..PAPER
-    },
-    Form { look: Look::Uniform, outputs: SILHOUETTE, ..PAPER },
-    Form {
-        look: Look::Images,
-        surface_point: SurfacePoint::Clip,
-        lit: Some(Shading::Smooth),
-        outputs: Outputs::ALL,
-        interpolation: Interpolation::Perspective,
-        ..PAPER
-    },
-    Form { look: Look::Surface, color: ColorAggregation::Hard, faces: Faces::Front, outputs: Outputs::ALL, ..PAPER },
-    Form { distance: Distance::Barycentric, silhouette: SilhouetteAggregation::Sum, outputs: Outputs::ALL, ..PAPER },
-    Form { distance: Distance::Hard, silhouette: SilhouetteAggregation::Hard, ..PAPER },
-    Form {
-        look: Look::Surface,
-        parity: Parity::Official,
-        surface_point: SurfacePoint::Clip,
-        gradient: GradientMode::Paper,
-        ..PAPER
-    },
-    Form {
-        background: Background::Composite,
-        support: Support::Guaranteed,
-        surface_point: SurfacePoint::Clip,
-        outputs: Outputs::ALL,
-        ..PAPER
-    },
-    Form { parity: Parity::Official, distance: Distance::Barycentric, gradient: GradientMode::Paper, ..PAPER },
-];
+pub(super) static TABLE: LazyLock<[Form; FORMS]> = LazyLock::new(|| {
+    let paper = || Settings { save: true, ..Settings::default() };
+    let all = || Settings { outputs: Outputs::ALL, ..paper() };
+    let official = || Settings { parity: Parity::Official, ..paper() };
+    let form = |look, modes| Form { look, lit: None, gradient: GradientMode::Exact, modes };
+    let clip = SurfacePoint::Clip;
+    let composite = Settings { background: Background::Composite, ..all() };
+    let perspective = Settings { surface_point: clip, interpolation: Interpolation::Perspective, ..all() };
+    let hard = Settings { color: ColorAggregation::Hard, faces: Faces::Front, ..all() };
+    let sum = Settings { distance: Distance::Barycentric, silhouette: SilhouetteAggregation::Sum, ..all() };
+    let cut = Settings { distance: Distance::Hard, silhouette: SilhouetteAggregation::Hard, ..paper() };
+    let guaranteed = Settings { support: Support::Guaranteed, surface_point: clip, ..composite.clone() };
+    let barycentric = Settings { distance: Distance::Barycentric, ..official() };
+    [
+        form(Look::Vertices, paper()),
+        Form { lit: Some(Shading::Flat), ..form(Look::Uniform, composite) },
+        form(Look::Uniform, Settings { outputs: Outputs::SILHOUETTE, ..paper() }),
+        Form { lit: Some(Shading::Smooth), ..form(Look::Images, perspective) },
+        form(Look::Surface, hard),
+        form(Look::Vertices, sum),
+        form(Look::Vertices, cut),
+        Form { gradient: GradientMode::Paper, ..form(Look::Surface, Settings { surface_point: clip, ..official() }) },
+        form(Look::Vertices, guaranteed),
+        Form { gradient: GradientMode::Paper, ..form(Look::Vertices, barycentric) },
+    ]
+});
 
 impl Form {
-    /// The settings with this form's modes.
-    pub fn settings(&self, numbers: Settings) -> Settings {
-        Settings {
-            outputs: self.outputs,
-            color: self.color,
-            silhouette: self.silhouette,
-            distance: self.distance,
-            background: self.background,
-            faces: self.faces,
-            interpolation: self.interpolation,
-            parity: self.parity,
-            surface_point: self.surface_point,
-            support: self.support,
-            save: true,
-            ..numbers
-        }
-    }
-
     /// Whether the reference's margin covers all discontinuities of the model. It does not cover, for example, a triangle
     /// that turns its back to the camera.
     pub fn is_smooth(&self) -> bool {
-        self.faces == Faces::Both && self.distance == Distance::Euclidean && self.parity == Parity::Model
+        let modes = &self.modes;
+        modes.faces == Faces::Both && modes.distance == Distance::Euclidean && modes.parity == Parity::Model
     }
 
     /// The mesh with its colours, each channel within [0, `brightest`], and UVs of at most `farthest`.

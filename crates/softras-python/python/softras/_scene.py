@@ -81,23 +81,37 @@ class Scene:
     renderer: Optional[Renderer]
     #: What the last render kept for gradients.
     frame: Any = None
+    #: Whether colours wait for `finish`, and what it renders them from: the arrays' values, and whether to save.
+    late: bool = False
+    kept: Any = None
+
+    def finish(self) -> Frame:
+        """The frame with the colours that were left out."""
+        self.late = False
+        self.frame = render(self, *self.kept)
+        return self.frame
 
     def meshes(self, arrays: Sequence[np.ndarray]) -> List[Mesh]:
         """The meshes with the arrays' values."""
         found = []
+        # Triangles that several meshes have are read and checked once.
+        bare: Dict[Any, Mesh] = {}
         for i, (template, look) in enumerate(zip(self.templates, self.looks)):
             given: Dict[str, Any] = {}
             for one, array in zip(self.inputs, arrays):
+                if self.late and one.name in ("colors", "surface"):
+                    continue
                 if one.belongs_to(i) and one.name == "textures":
                     given.setdefault("textures", []).append(one.part(array, i))
                 elif one.belongs_to(i):
                     given[one.name] = one.part(array, i)
             positions = given.pop("positions")
             look.complete(given, template)
-            if isinstance(template, Mesh):
-                found.append(template.with_positions(positions).with_look(**given))
-            else:
-                found.append(Mesh(positions, template, **given))
+            base = template if isinstance(template, Mesh) else bare.get((id(template), len(positions)))
+            if base is None:
+                base = bare[id(template), len(positions)] = Mesh(positions, template)
+            moved = base.with_positions(positions)
+            found.append(moved.with_look(**given) if given else moved)
         return found
 
     def seen(self, values: Dict[str, np.ndarray]) -> List[Camera]:
@@ -174,6 +188,9 @@ def render(scene: Scene, arrays: Sequence[np.ndarray], save: bool) -> Union[Fram
     own = scene.meshes(arrays)
     meshes, cameras = batched(own, scene.seen(values))
     settings, lights = scene.set(values), scene.lit(values)
+    if scene.late:
+        settings = dataclasses.replace(settings, outputs=("silhouette",))
+        scene.kept = [array.copy() for array in arrays], save
     if arrays[0].dtype != np.float64:
         return (scene.renderer or default_renderer()).render(meshes, cameras, settings, lights, save=save)
     exact: Dict[str, list] = {"positions": [], "colors": []}
@@ -245,6 +262,8 @@ def differentiate(
     needed = [one and _matters(input.name, given) for input, one in zip(scene.inputs, wanted)]
     if not any(needed):
         return [None] * len(needed)
+    if scene.late and "color" in given:
+        frame = scene.finish()
     by = sorted({_BY[input.name] for input, one in zip(scene.inputs, needed) if one})
     found = frame.backward(by=by, mode=scene.mode, **given)
     rows = zip(scene.inputs, needed, arrays)
@@ -295,7 +314,8 @@ def _templates(faces, meshes: int, host: Callable) -> List[Any]:
         if len(faces) != meshes:
             raise InputError(f"{len(faces)} templates for {meshes} meshes: give one for each")
         return [one if isinstance(one, Mesh) else host(one) for one in faces]
-    return _for_each("faces", faces, meshes, 2, host)
+    each = _for_each("faces", faces, meshes, 2, host)
+    return [each[0] if np.array_equal(one, each[0]) else one for one in each]
 
 
 def build(
@@ -315,7 +335,7 @@ def build(
     unknown = sorted(set(tensors) - set(known))
     if unknown:
         raise InputError(f"no input is called {unknown[0]!r}: use {', '.join(known)}")
-    vertices, textures = given["positions"], given["textures"]
+    vertices, textures = given["positions"], given.get("textures")
     batched = not isinstance(vertices, kind) or vertices.ndim == 3
     meshes = len(vertices) if batched else 1
     if meshes == 0:
@@ -327,9 +347,9 @@ def build(
     for name, value in {**given, **tensors}.items():
         if value is not None:
             collected.extend(_collect(name, value, meshes, kind))
-    uv_faces = _for_each("uv_faces", constants["uv_faces"], meshes, 2, host)
-    of_triangle = _for_each("texture_of_triangle", constants["texture_of_triangle"], meshes, 1, host)
-    looks = [Look(uvs, of, constants["wrap"]) for uvs, of in zip(uv_faces, of_triangle)]
+    uv_faces = _for_each("uv_faces", constants.get("uv_faces"), meshes, 2, host)
+    of_triangle = _for_each("texture_of_triangle", constants.get("texture_of_triangle"), meshes, 1, host)
+    looks = [Look(uvs, of, constants.get("wrap")) for uvs, of in zip(uv_faces, of_triangle)]
     seen = [cameras] if isinstance(cameras, Camera) else list(cameras)
     if not any(name in tensors for name in _OF_CAMERAS) and len(seen) == 1:
         seen = seen * meshes
@@ -338,9 +358,9 @@ def build(
         templates=_templates(faces, meshes, host),
         looks=looks,
         cameras=seen,
-        settings=constants["settings"] or Settings(),
-        lights=constants["lights"] or Lights(),
-        mode=constants["mode"],
-        renderer=constants["renderer"],
+        settings=constants.get("settings") or Settings(),
+        lights=constants.get("lights") or Lights(),
+        mode=constants.get("mode", "exact"),
+        renderer=constants.get("renderer"),
     )
     return scene, [array for _, array in collected]

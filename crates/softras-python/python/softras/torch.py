@@ -82,6 +82,8 @@ class _Render(torch.autograd.Function):
         frame = _scene.render(scene, [_host(tensor) for tensor in tensors], save)
         scene.frame = frame if save else None
         images = [getattr(frame, name) for name in _scene.IMAGES]
+        if scene.late:
+            images[0] = np.full((*images[1].shape, 3), np.nan, np.float32)
         return tuple(torch.from_numpy(image).to(tensors[0].device) for image in images if image is not None)
 
     @staticmethod
@@ -120,6 +122,13 @@ class _Gradient(torch.autograd.Function):
     @staticmethod
     def backward(ctx, *upstream):
         raise RuntimeError("softras is not differentiable twice: leave out create_graph")
+
+
+def _rendered(scene: _scene.Scene, flat: Sequence[torch.Tensor]) -> Images:
+    """The images of a scene with its tensors."""
+    save = torch.is_grad_enabled() and any(tensor.requires_grad for tensor in flat)
+    images = iter(_Render.apply(scene, save, *flat))
+    return Images(*(next(images) if name in scene.settings.outputs else None for name in _scene.IMAGES))
 
 
 @torch.compiler.disable
@@ -166,10 +175,7 @@ def render(
     given = {"positions": vertices, "colors": colors, "surface": surface, "uvs": uvs, "textures": textures}
     constants = {"uv_faces": uv_faces, "texture_of_triangle": texture_of_triangle, "wrap": wrap}
     constants.update(settings=settings, lights=lights, mode=mode, renderer=renderer)
-    scene, flat = _scene.build(given, tensors, faces, cameras, constants, torch.Tensor, _host)
-    save = torch.is_grad_enabled() and any(tensor.requires_grad for tensor in flat)
-    images = iter(_Render.apply(scene, save, *flat))
-    return Images(*(next(images) if name in scene.settings.outputs else None for name in _scene.IMAGES))
+    return _rendered(*_scene.build(given, tensors, faces, cameras, constants, torch.Tensor, _host))
 
 
 class Fragments(NamedTuple):
@@ -190,10 +196,8 @@ def fragments(
 ) -> Fragments:
     """The nearest triangle of each pixel; arguments as of `render`. Raises what `Renderer.render` raises."""
     first = vertices if isinstance(vertices, torch.Tensor) else vertices[0]
-    constants = {"uv_faces": None, "texture_of_triangle": None, "wrap": None, "mode": "exact"}
-    constants.update(settings=settings, lights=None, renderer=renderer)
-    given = {"positions": vertices, "textures": None}
-    scene, flat = _scene.build(given, {}, faces, cameras, constants, torch.Tensor, _host)
+    constants = {"settings": settings, "renderer": renderer}
+    scene, flat = _scene.build({"positions": vertices}, {}, faces, cameras, constants, torch.Tensor, _host)
     meshes, seen = batched(scene.meshes([_host(tensor) for tensor in flat]), scene.cameras)
     found = (renderer or default_renderer()).fragments(meshes, seen, scene.settings)
     return Fragments(*(torch.from_numpy(array).to(first.device) for array in found))

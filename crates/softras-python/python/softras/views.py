@@ -130,6 +130,7 @@ class Views:
         crop: int = 192,
         hold_out: Optional[int] = None,
         edge: Optional[Range] = None,
+        report: Union[str, "os.PathLike[str]", None] = None,
         progress: Progress = None,
         renderer: Optional[Renderer] = None,
     ) -> Fitted:
@@ -141,10 +142,11 @@ class Views:
         unless `keep_views`. Cameras that the silhouettes show to be off are refined, with a note, unless `keep_cameras`. Exposures
         that differ are leveled unless `keep_exposure`. Pictures are cropped to the object and have at most `crop` pixels a side; 0
         keeps them as they are. A texture is taken of the pictures as given. `hold_out` views are not fitted and judge the result;
-        None is an eighth of twelve views or more, at most three. `progress(step, loss)` is called after every step; True draws a
+        None is an eighth of twelve views or more, at most three. `report` is a file of HTML: each view beside the mesh, the cameras and
+        the losses. `progress(step, loss)` is called after every step; True draws a
         bar by tqdm. An exception of it, Ctrl-C too, ends the fit.
 
-        Raises FitError, and what `Renderer.render` raises.
+        Raises FitError, IoError, and what `Renderer.render` raises.
         """
         # The arguments by name, and the views' images, whose colours take the place of the argument's name.
         plan = {**locals(), "fit_colors": color, **vars(self)}

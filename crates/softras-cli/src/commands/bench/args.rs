@@ -7,7 +7,7 @@ use clap::{Args, builder::PossibleValuesParser};
 use softras_lab::measure::{Mode, subject};
 use std::path::PathBuf;
 
-/// Measure this device: run time, floor, pairs and error by size and mode
+/// Measure this device: run time, pairs and error by size and mode
 #[derive(Args, Debug)]
 #[command(after_help = "\
 Modes: color+silhouette, color, silhouette, depth, normal, hard, to-colors,

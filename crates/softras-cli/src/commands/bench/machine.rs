@@ -9,47 +9,28 @@ use std::process::Command;
 #[derive(Clone, Debug)]
 pub struct Machine {
     pub device: String,
-    pub kind: String,
-    pub driver: String,
-    pub version: &'static str,
-    /// The commit of the checkout that contains the program, with a + if files were changed since; none for an installed
-    /// program.
-    pub commit: Option<String>,
-    pub threads: usize,
-    /// The measured peak in operations a second.
-    pub peak: f64,
+    /// The lines above the table.
+    pub lines: [String; 2],
+    /// The fields that every row carries.
+    pub json: Value,
 }
 
 impl Machine {
-    /// Describes an open device and its measured peak.
-    pub fn of(renderer: &Renderer, peak: f64) -> Self {
-        let info = renderer.device_info();
-        Self {
-            device: info.name.clone(),
-            kind: info.kind.to_string(),
-            driver: format!("{} {}", info.driver, info.driver_version),
-            version: env!("CARGO_PKG_VERSION"),
-            commit: commit(),
-            threads: std::thread::available_parallelism().map_or(1, usize::from),
-            peak,
-        }
-    }
-
-    /// The fields that every row carries.
-    pub fn json(&self) -> Value {
-        json!({
-            "device": self.device, "device_kind": self.kind, "driver": self.driver, "version": self.version,
-            "commit": self.commit, "host_threads": self.threads, "peak_gflops": self.peak / 1e9,
-        })
-    }
-
-    /// The lines above the table.
-    pub fn lines(&self) -> [String; 2] {
-        let commit = self.commit.as_ref().map(|c| format!(", commit {c}")).unwrap_or_default();
-        [
-            format!("{} ({}, {}), {} host threads", self.device, self.kind, self.driver, self.threads),
-            format!("softras {}{commit}", self.version),
-        ]
+    /// Describes an open device.
+    pub fn of(renderer: &Renderer) -> Self {
+        let (info, version, commit) = (renderer.device_info(), env!("CARGO_PKG_VERSION"), commit());
+        let threads = std::thread::available_parallelism().map_or(1, usize::from);
+        let (device, kind, driver) =
+            (&info.name, info.kind.to_string(), format!("{} {}", info.driver, info.driver_version));
+        let json = json!({
+            "device": device, "device_kind": kind, "driver": driver, "version": version, "commit": commit,
+            "host_threads": threads,
+        });
+        // That of the checkout that contains the program, with a + if files were changed since.
+        let commit = commit.map(|c| format!(", commit {c}")).unwrap_or_default();
+        let lines =
+            [format!("{device} ({kind}, {driver}), {threads} host threads"), format!("softras {version}{commit}")];
+        Self { device: device.clone(), lines, json }
     }
 }
 

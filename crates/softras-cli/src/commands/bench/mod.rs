@@ -1,4 +1,4 @@
-//! `softras bench`: measures the time of frames, its floor, and the error of frames.
+//! `softras bench`: measures the time and the error of frames.
 
 pub mod args;
 mod machine;
@@ -15,7 +15,7 @@ use serde_json::Value;
 use softras::{Camera, Error, Mesh, Renderer, Scene, shapes};
 use softras_io::Budget;
 use softras_io::output;
-use softras_lab::measure::{Mode, peak_flops, subject, sweep};
+use softras_lab::measure::{Mode, subject, sweep};
 use std::path::Path;
 
 pub fn run(args: &BenchArgs) -> Result<(), Failure> {
@@ -29,10 +29,8 @@ pub fn run(args: &BenchArgs) -> Result<(), Failure> {
     }
     let meshes = meshes(args, &outputs)?;
     let mut renderer = super::open_device(args.device.as_deref(), args.read.memory)?;
-    let mut machine = Machine::of(&renderer, peak_flops(renderer.device_info())?);
-    for line in machine.lines() {
-        say(&line)?;
-    }
+    let machine = Machine::of(&renderer);
+    machine.lines.iter().try_for_each(|line| say(line))?;
     let s = args.settings(256);
     say(&format!(
         "sigma {:e}, gamma {:e}, tau {:e}, background {:?}; medians of {} runs, milliseconds",
@@ -48,12 +46,9 @@ pub fn run(args: &BenchArgs) -> Result<(), Failure> {
     for (name, mesh) in &meshes {
         let scene = subject::scene(mesh)?;
         for size in args.sizes() {
-            // Other work on the machine can only lower the measured peak, so the highest one counts.
-            machine.peak = machine.peak.max(peak_flops(renderer.device_info())?);
-            all.extend(size_rows(args, &mut renderer, machine.peak, name, &scene, &cameras, size)?);
+            all.extend(size_rows(args, &mut renderer, name, &scene, &cameras, size)?);
         }
     }
-    say(&format!("peak, the best of all samples: {:.1} GFLOP/s", machine.peak / 1e9))?;
     if let Some(path) = &args.json {
         let list = Value::Array(all.iter().map(|row| row.json(&machine)).collect());
         output::write_file(path, format!("{list:#}\n").as_bytes())?;
@@ -104,7 +99,6 @@ fn pictures(
 fn size_rows(
     args: &BenchArgs,
     renderer: &mut Renderer,
-    peak: f64,
     name: &str,
     scene: &Scene,
     cameras: &[Camera],
@@ -123,7 +117,7 @@ fn size_rows(
             let full = all.iter().find(|full| full.mode == Mode::ColorSilhouette.name() && full.pass == row.pass);
             row.of_full = full.map(|full| row.median / full.median);
         }
-        rows.iter().try_for_each(|row| say(&row.text(peak)))?;
+        rows.iter().try_for_each(|row| say(&row.text()))?;
         all.extend(rows);
     }
     Ok(all)

@@ -5,9 +5,9 @@ use crate::commands::describe;
 use serde_json::{Map, Value, json};
 use softras::StageTime;
 use softras::{Camera, Renderer, Result, Scene, Settings};
+use softras_lab::measure::Mode;
 use softras_lab::measure::error::{self, ImageError};
 use softras_lab::measure::time::{Times, times, upstream};
-use softras_lab::measure::{Mode, floor};
 use softras_reference::Pairs;
 use softras_reference::ReferenceFrame;
 
@@ -90,101 +90,58 @@ pub struct Row {
     /// The median divided by that of the same pass of colour and silhouette, if that was measured.
     pub of_full: Option<f64>,
     pub device: f64,
-    /// The least operations of all needed pairs.
-    pub operations: f64,
     pub needed: u64,
     pub evaluated: u64,
     pub dispatches: u32,
     pub error: Option<f64>,
     pub untruncated: Option<f64>,
     stages: Vec<StageTime>,
-    common: Map<String, Value>,
+    common: Value,
 }
 
 /// The three rows of a job.
 pub fn rows(job: &Job<'_>, found: &Measured) -> Vec<Row> {
-    let (times, needed) = (&found.times, found.pairs.total());
-    let forward_work = needed as f64 * floor::forward_operations(job.mode);
-    let backward_work = needed as f64 * floor::backward_operations(job.mode);
-    let image = found.errors.map(|e| e[0].most);
-    let untruncated = found.errors.map(|e| e[1].most);
-    let boxed = found.pairs.boxed;
-    let [forward_dispatches, backward_dispatches, frame_dispatches] = found.dispatches;
-    let row =
-        |pass, median, operations, needed, (evaluated, dispatches), error, untruncated, stages: &[StageTime]| Row {
-            scene: job.name.to_string(),
-            faces: job.scene.meshes.iter().map(|mesh| mesh.triangles().len()).sum(),
-            size: job.settings.height,
-            mode: job.mode.name(),
-            pass,
-            median,
-            of_full: None,
-            device: stages.iter().map(|t| t.milliseconds).sum(),
-            operations,
-            needed,
-            evaluated,
-            dispatches,
-            error,
-            untruncated,
-            stages: stages.to_vec(),
-            common: common(job, found),
-        };
-    vec![
-        row(
-            "forward",
-            times.forward,
-            forward_work,
-            needed,
-            (found.forward_pairs, forward_dispatches),
-            image,
-            untruncated,
-            &times.forward_stages,
-        ),
-        row(
-            "backward",
-            times.backward,
-            backward_work,
-            needed,
-            (boxed, backward_dispatches),
-            found.gradient_error,
-            None,
-            &times.backward_stages,
-        ),
-        row(
-            "frame",
-            times.frame,
-            forward_work + backward_work,
-            2 * needed,
-            (found.forward_pairs + boxed, frame_dispatches),
-            image,
-            untruncated,
-            &times.frame_stages,
-        ),
-    ]
+    let (times, needed, boxed) = (&found.times, found.pairs.total(), found.pairs.boxed);
+    let image = found.errors.map(|errors| errors.map(|error| error.most));
+    let (image, gradient) = ([image.map(|e| e[0]), image.map(|e| e[1])], [found.gradient_error, None]);
+    let both = found.forward_pairs + boxed;
+    let passes = [
+        ("forward", times.forward, [needed, found.forward_pairs], image, &times.forward_stages),
+        ("backward", times.backward, [needed, boxed], gradient, &times.backward_stages),
+        ("frame", times.frame, [2 * needed, both], image, &times.frame_stages),
+    ];
+    let row = passes.into_iter().zip(found.dispatches);
+    row.map(|((pass, median, [needed, evaluated], [error, untruncated], stages), dispatches)| Row {
+        scene: job.name.to_string(),
+        faces: job.scene.meshes.iter().map(|mesh| mesh.triangles().len()).sum(),
+        size: job.settings.height,
+        mode: job.mode.name(),
+        pass,
+        median,
+        of_full: None,
+        device: stages.iter().map(|t| t.milliseconds).sum(),
+        needed,
+        evaluated,
+        dispatches,
+        error,
+        untruncated,
+        stages: stages.clone(),
+        common: common(job, found),
+    })
+    .collect()
 }
 
 /// The fields that tell whether two rows are comparable.
-fn common(job: &Job<'_>, found: &Measured) -> Map<String, Value> {
+fn common(job: &Job<'_>, found: &Measured) -> Value {
     let s = &job.settings;
-    let mut fields = Map::new();
-    let mut put = |key: &str, value: Value| _ = fields.insert(key.to_string(), value);
-    put("views", json!(job.cameras.len()));
-    put("repeats", json!(found.times.repeats));
-    put("sigma", json!(s.sigma));
-    put("gamma", json!(s.gamma));
-    put("tau", json!(s.tau));
-    put("settings", describe::settings(s));
-    put("rms_error", json!(found.errors.map(|e| e[0].rms)));
-    put("rms_error_untruncated", json!(found.errors.map(|e| e[1].rms)));
-    fields
+    json!({
+        "views": job.cameras.len(), "repeats": found.times.repeats, "sigma": s.sigma, "gamma": s.gamma, "tau": s.tau,
+        "settings": describe::settings(s), "rms_error": found.errors.map(|e| e[0].rms),
+        "rms_error_untruncated": found.errors.map(|e| e[1].rms),
+    })
 }
 
 impl Row {
-    /// The least milliseconds that the work can take at a peak rate in operations a second.
-    pub fn floor(&self, peak: f64) -> f64 {
-        self.operations / peak * 1e3
-    }
-
     /// The row as JSON, with the machine.
     pub fn json(&self, machine: &Machine) -> Value {
         let stages: Map<String, Value> =
@@ -192,16 +149,15 @@ impl Row {
         let mut fields = Map::new();
         let own = json!({
             "scene": self.scene, "faces": self.faces, "size": self.size, "mode": self.mode, "pass": self.pass,
-            "median_ms": self.median, "of_full": self.of_full, "device_ms": self.device, "floor_ms": self.floor(machine.peak),
+            "median_ms": self.median, "of_full": self.of_full, "device_ms": self.device,
             "pairs_needed": self.needed, "pairs_evaluated": self.evaluated,
             "dispatches": self.dispatches, "max_error": self.error, "max_error_untruncated": self.untruncated, "stages_ms": stages,
         });
-        for part in [own, machine.json()] {
+        for part in [own, machine.json.clone(), self.common.clone()] {
             if let Value::Object(part) = part {
                 fields.extend(part);
             }
         }
-        fields.extend(self.common.clone());
         Value::Object(fields)
     }
 
@@ -221,7 +177,7 @@ impl Row {
     /// The headings of the columns of [`Row::text`].
     pub fn head() -> String {
         format!(
-            "{:12} {:>7} {:>5} {:16} {:8} {:>9} {:>7} {:>9} {:>9} {:>7} {:>9} {:>10} {:>5} {:>9}",
+            "{:12} {:>7} {:>5} {:16} {:8} {:>9} {:>7} {:>9} {:>9} {:>10} {:>5} {:>9}",
             "scene",
             "faces",
             "size",
@@ -230,8 +186,6 @@ impl Row {
             "median",
             "of full",
             "device",
-            "floor",
-            "x floor",
             "needed",
             "evaluated",
             "disp.",
@@ -240,10 +194,9 @@ impl Row {
     }
 
     /// A line of the table.
-    pub fn text(&self, peak: f64) -> String {
-        let floor = self.floor(peak);
+    pub fn text(&self) -> String {
         format!(
-            "{:12} {:>7} {:>5} {:16} {:8} {:>9.3} {:>7} {:>9.3} {:>9.3} {:>7.1} {:>9} {:>10} {:>5} {:>9}",
+            "{:12} {:>7} {:>5} {:16} {:8} {:>9.3} {:>7} {:>9.3} {:>9} {:>10} {:>5} {:>9}",
             self.scene,
             self.faces,
             self.size,
@@ -252,8 +205,6 @@ impl Row {
             self.median,
             self.of_full.map_or("-".to_string(), |share| format!("{share:.2}")),
             self.device,
-            floor,
-            self.median / floor,
             self.needed,
             self.evaluated,
             self.dispatches,

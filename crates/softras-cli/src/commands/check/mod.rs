@@ -29,10 +29,7 @@ pub struct CheckArgs {
 
 pub fn run(args: &CheckArgs) -> Result<(), Failure> {
     let start = Instant::now();
-    let mut renderer = match &args.device {
-        Some(selector) => Renderer::with_device(selector)?,
-        None => Renderer::new()?,
-    };
+    let mut renderer = super::open_device(args.device.as_deref(), None)?;
     let cases = cases()?;
     if !args.json {
         header(&renderer)?;

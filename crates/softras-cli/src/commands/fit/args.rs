@@ -373,6 +373,9 @@ pub struct FileArgs {
     /// Write a log of every step: losses, seconds, IoU of every view
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
+    /// Write a page that shows each view beside the mesh, cameras, losses and notes: .html
+    #[arg(long, value_name = "FILE", value_parser = parse::file_ending("html"))]
+    pub report: Option<PathBuf>,
     /// Write a plot of the loss by step: .png
     #[arg(long, value_name = "FILE", value_parser = parse::file_ending("png"))]
     pub plot: Option<PathBuf>,

@@ -23,7 +23,7 @@ const CHECKPOINT_STEPS: usize = 100;
 pub fn run(args: &FitArgs) -> Result<(), Failure> {
     let (files, out) = (&args.files, &args.out);
     args.check()?;
-    let written = [&files.json, &files.plot, &files.gif, &files.checkpoint, &files.save_cameras];
+    let written = [&files.report, &files.json, &files.plot, &files.gif, &files.checkpoint, &files.save_cameras];
     let views = view_files(args)?;
     let outputs = Outputs::new(written.into_iter().flatten().chain(&views), [out])?;
     let mut renderer = super::open_device(args.device.as_deref(), args.read.memory)?;
@@ -61,6 +61,10 @@ pub fn run(args: &FitArgs) -> Result<(), Failure> {
     }
     if let Some(path) = &files.plot {
         plot::write(path, &fitted.losses())?;
+    }
+    if let Some(path) = &files.report {
+        let page = fitted.report(&format!("{}, fitted", out.display()), &mut renderer)?;
+        output::write_file(path, page.as_bytes())?;
     }
     if let Some(path) = &files.json {
         let report = report::json(args, &fitted, renderer.device_name());

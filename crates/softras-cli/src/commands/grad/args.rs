@@ -4,7 +4,7 @@ use crate::commands::mesh_file::ReadArgs;
 use crate::commands::parse;
 use crate::commands::render::args::{CameraArgs, LightArgs, ModeArgs, mode};
 use clap::{Args, ValueEnum};
-use softras::GradientMode;
+use softras::{GradientMode, Settings};
 use softras_io::Curve;
 use softras_view::Look;
 use std::path::PathBuf;
@@ -86,18 +86,16 @@ impl SoftArgs {
         if self.raw { Curve::Raw } else { Curve::Srgb }
     }
 
-    /// The look of an image of this size.
-    pub fn look(&self, size: (u32, u32)) -> Look {
+    /// The look of an image of this size, by a variant of the model.
+    pub fn look(&self, size: (u32, u32), modes: &ModeArgs) -> Look {
         let blur = self.blur.unwrap_or(f64::from(size.1) / 16.0);
         Look {
             size,
             sigma: self.sigma,
             blur: self.sigma.is_none().then_some(blur),
-            gamma: self.gamma,
-            tau: self.tau,
             background: Some(self.background.numbers(self.curve())),
             curve: self.curve(),
-            ..Look::default()
+            model: Settings { gamma: self.gamma, tau: self.tau, ..modes.settings() },
         }
     }
 }

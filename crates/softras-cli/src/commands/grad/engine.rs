@@ -1,5 +1,6 @@
 //! Renders images and their gradient on a device or by the f64 reference.
 
+use crate::commands::open_device;
 use softras::scene::Outputs;
 use softras::{Camera, Error, GradientMode, GradientRequest, Image, ImageGradient, Renderer, Result, Scene, Settings};
 use softras_lab::gradients;
@@ -27,8 +28,7 @@ impl Engine {
     pub fn open(device: Option<&str>) -> Result<Self> {
         Ok(match device {
             Some("reference") => Self::Reference,
-            Some(selector) => Self::Device(Box::new(Renderer::with_device(selector)?)),
-            None => Self::Device(Box::new(Renderer::new()?)),
+            device => Self::Device(Box::new(open_device(device, None)?)),
         })
     }
 

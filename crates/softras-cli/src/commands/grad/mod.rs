@@ -16,7 +16,7 @@ use panels::Sheet;
 use serde_json::json;
 use softras::{Scene, Settings};
 use softras_io::Budget;
-use softras_view::{Bounds, Output, Viewpoint};
+use softras_view::{Bounds, MISSED, Output, Viewpoint};
 use std::path::Path;
 use std::time::Instant;
 use target::{Loss, Target};
@@ -30,15 +30,9 @@ pub fn run(args: &GradArgs) -> Result<(), Failure> {
     let target = Target::read(&args.target_image, curve, args.soft.background.numbers(curve), &budget)?;
     let loaded = args.read.read(&args.mesh, !args.soft.raw, &outputs, &budget)?;
     let (bounds, origin) = (Bounds::of(&loaded.mesh), DVec3::from(loaded.origin));
-    let view = Viewpoint::new(
-        &args.camera.options().relative_to(loaded.origin),
-        bounds,
-        target.width as f64 / target.height as f64,
-        0.0,
-    );
-    args.camera.check_depths(&view)?;
+    let view = args.camera.view(bounds, loaded.origin, (target.width, target.height))?;
     if view.misses(bounds) {
-        note("the mesh lies wholly outside the depths that this camera draws");
+        note(MISSED);
     }
     let mut engine = Engine::open(args.device.as_deref())?;
     let mesh = match &engine {
@@ -57,6 +51,9 @@ pub fn run(args: &GradArgs) -> Result<(), Failure> {
         })?;
     let sharp = Settings { gamma: 1e-4, ..settings.clone() }.with_blur_pixels(1.23);
     let depth = engine.depth(&scene, view.camera()?, &sharp)?;
+    if !view.misses(bounds) && depth.silhouette.iter().all(|alpha| *alpha < 0.5 / 255.0) {
+        note("nothing of the mesh is in the picture: it is not where the camera looks");
+    }
     let pulls = arrows::pulls(&scene.meshes[0], &gradient, &view, [target.width, target.height], &depth)?;
     let sheet = Sheet { color: &images.color, target: &target, loss: &loss, pulls: &pulls, curve };
     let (picture, arrows) = sheet.draw();
@@ -67,8 +64,8 @@ pub fn run(args: &GradArgs) -> Result<(), Failure> {
 }
 
 fn settings(args: &GradArgs, view: &Viewpoint, target: &Target) -> Settings {
-    let look = args.soft.look((target.width as u32, target.height as u32));
-    softras_view::settings(&look, &args.modes.modes(), view, &[Output::Color], 1, None)
+    let look = args.soft.look((target.width as u32, target.height as u32), &args.modes);
+    softras_view::settings(&look, view, &[Output::Color], 1, None)
 }
 
 /// The report of the command.

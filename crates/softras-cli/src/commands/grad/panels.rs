@@ -2,6 +2,10 @@
 
 use super::arrows::{self, HIDDEN, Pull, SEEN};
 use super::target::{Loss, Target};
+use image::{
+    Rgba, RgbaImage,
+    imageops::{self, FilterType},
+};
 use softras_io::Curve;
 use softras_io::Picture;
 use softras_view as sheet;
@@ -114,21 +118,10 @@ fn outline(target: &Target) -> Vec<[canvas::Point; 2]> {
 /// Enlarges a picture n times with linear interpolation.
 fn enlarged(picture: &Picture, n: usize) -> Picture {
     let (width, height) = (picture.width * n, picture.height * n);
-    let place = |i: usize, count: usize| {
-        let x = ((i as f64 + 0.5) / n as f64 - 0.5).clamp(0.0, (count - 1) as f64);
-        let low = x as usize;
-        (low, (low + 1).min(count - 1), x - low as f64)
-    };
-    let pixel = |i: usize| {
-        let ((top, bottom, v), (left, right, u)) = (place(i / width, picture.height), place(i % width, picture.width));
-        let at = |row: usize, column: usize, k: usize| f64::from(picture.pixels[row * picture.width + column][k]);
-        std::array::from_fn(|k| {
-            let upper = at(top, left, k) * (1.0 - u) + at(top, right, k) * u;
-            let lower = at(bottom, left, k) * (1.0 - u) + at(bottom, right, k) * u;
-            (upper * (1.0 - v) + lower * v).round() as u8
-        })
-    };
-    Picture { width, height, pixels: (0..width * height).map(pixel).collect() }
+    let [w, h, columns, rows] = [picture.width, picture.height, width, height].map(|side| side as u32);
+    let small = RgbaImage::from_fn(w, h, |x, y| Rgba(picture.pixels[(y * w + x) as usize]));
+    let large = imageops::resize(&small, columns, rows, FilterType::Triangle);
+    Picture { width, height, pixels: large.pixels().map(|pixel| pixel.0).collect() }
 }
 
 fn side_by_side(panels: &[(Picture, String)]) -> Picture {

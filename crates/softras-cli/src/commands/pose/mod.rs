@@ -14,7 +14,7 @@ use softras::scene::{Background, Interpolation};
 use softras::{Camera, Image, Mesh, Renderer, Result, Scene, Settings};
 use softras_fit::{Pose, PoseSearch, pooled};
 use softras_io::{Budget, SaveOptions, read_picture};
-use softras_view::{Bounds, Viewpoint};
+use softras_view::Bounds;
 
 /// Poses farther than this from the best one, in degrees, count as other answers.
 const OTHER: f64 = 10.0;
@@ -62,9 +62,7 @@ struct View {
 impl View {
     /// The view of the command's camera in pictures of that size.
     fn around(args: &PoseArgs, bounds: Bounds, origin: [f64; 3], width: usize, height: usize) -> Result<Self, Failure> {
-        let framed =
-            Viewpoint::new(&args.camera.options().relative_to(origin), bounds, width as f64 / height as f64, 0.0);
-        args.camera.check_depths(&framed)?;
+        let framed = args.camera.view(bounds, origin, (width, height))?;
         // The depth range has room for translations.
         let reach = framed.far - framed.near;
         let (near, far) = ((framed.near - 0.2 * reach).max(0.2 * framed.near), framed.far + 0.2 * reach);

@@ -11,7 +11,7 @@ pub fn run(stage: &mut Stage<'_>, targets: &[Target], report: &mut Report) -> Re
     let options = stage.studio.options().clone();
     let (moments, ground) = (moments(&options), ground(&options));
     let mut frames: Vec<Vec<Picture>> = targets.iter().map(|_| Vec::new()).collect();
-    let progress = Progress::frames(moments.len());
+    let progress = Progress::counted("frame", moments.len());
     for moment in &moments {
         let mut made: Vec<_> = targets.iter().map(Target::developed).collect();
         let mut depths = None;

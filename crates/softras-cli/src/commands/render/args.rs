@@ -2,10 +2,10 @@
 
 use crate::commands::{Failure, mesh_file::ReadArgs, parse};
 use clap::{Args, ValueEnum, builder::Resettable};
-use softras::scene;
+use softras::{Settings, scene};
 use softras_io::Curve;
 use softras_view as view;
-use softras_view::{CameraOptions, LightOptions, Look, Modes, Motion, Options, Viewpoint};
+use softras_view::{Bounds, CameraOptions, LightOptions, Look, Motion, Options, Viewpoint};
 use std::path::PathBuf;
 
 const EXAMPLES: &str = "\
@@ -123,6 +123,17 @@ impl CameraArgs {
         CameraOptions { eye, target, up, distance, elevation, azimuth, fov, orthographic, near, far }
     }
 
+    /// The view of a mesh in these bounds, whose origin lies there in its file.
+    pub fn view(
+        &self,
+        bounds: Bounds,
+        origin: [f64; 3],
+        (width, height): (usize, usize),
+    ) -> Result<Viewpoint, Failure> {
+        let view = Viewpoint::new(&self.options().relative_to(origin), bounds, width as f64 / height as f64);
+        self.check_depths(&view).map(|()| view)
+    }
+
     /// Refuses a farthest depth that is not beyond the nearest one.
     pub fn check_depths(&self, view: &Viewpoint) -> Result<(), Failure> {
         // Without --far, the farthest depth lies beyond any that --near names.
@@ -185,20 +196,23 @@ impl LookArgs {
         if self.raw { Curve::Raw } else { Curve::Srgb }
     }
 
-    /// The same as options.
-    pub fn look(&self) -> Look {
+    /// The same as options, with the variant of the model.
+    pub fn look(&self, modes: &ModeArgs) -> Look {
         let curve = self.curve();
         Look {
             size: self.size,
             sigma: self.sigma,
             blur: self.blur,
-            gamma: self.gamma,
-            epsilon: self.epsilon,
-            tau: self.tau,
-            support: self.support.into(),
             background: self.background.map(|color| color.numbers(curve)),
-            background_mode: self.background_mode.into(),
             curve,
+            model: Settings {
+                gamma: self.gamma,
+                epsilon: self.epsilon,
+                tau: self.tau,
+                support: self.support.into(),
+                background: self.background_mode.into(),
+                ..modes.settings()
+            },
         }
     }
 }
@@ -267,37 +281,36 @@ pub struct ModeArgs {
 }
 
 impl ModeArgs {
-    /// The same as options.
-    pub fn modes(&self) -> Modes {
-        Modes {
+    /// The same as settings.
+    pub fn settings(&self) -> Settings {
+        Settings {
             faces: self.faces.into(),
             color: self.color_mode.into(),
             silhouette: self.silhouette_mode.into(),
             distance: self.distance_mode.into(),
             interpolation: self.interpolation.into(),
             surface_point: self.surface_point.into(),
+            ..Look::default().model
         }
     }
 }
 
 impl RenderArgs {
-    /// Everything about the picture, for a camera with the vertical axis that was guessed. A sweep has `sweep_steps` steps unless a number
-    /// was given.
-    pub fn options(&self, camera: CameraOptions, sweep_steps: usize) -> Options {
+    /// Everything about the picture. A sweep has `sweep_steps` steps unless a number was given.
+    pub fn options(&self, sweep_steps: usize) -> Options {
         let motion = match (self.turntable, &self.sweep) {
             (Some(frames), _) => Motion::Turntable(frames),
             (None, Some(sweep)) => Motion::Sweep(sweep.of(sweep_steps)),
             (None, None) => Motion::Still,
         };
         Options {
-            camera,
+            camera: self.camera.options(),
             fill: self.frame.into(),
-            look: self.look.look(),
+            look: self.look.look(&self.modes),
             samples: self.look.samples,
             alpha: self.alpha.map(Into::into),
             light: self.light.options(self.look.curve()),
             crease: self.crease,
-            modes: self.modes.modes(),
             motion,
         }
     }

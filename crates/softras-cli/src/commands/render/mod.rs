@@ -7,11 +7,11 @@ mod report;
 use super::outputs::Outputs;
 use super::progress::Progress;
 use super::{Failure, note};
-use args::{Fit, RenderArgs};
+use args::RenderArgs;
 use report::Report;
-use softras::{Mesh, Renderer, Settings};
+use softras::{Renderer, Settings};
 use softras_io::{Budget, Loaded, PictureFormat};
-use softras_view::{Alpha, CameraOptions, Developed, Image, Output, Studio, shrunk, z_is_up};
+use softras_view::{Alpha, Developed, Image, Output, Studio};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -23,27 +23,14 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
     let budget = Budget::new(args.read.memory);
     let mut loaded = args.read.read_layers(&args.mesh, !args.look.raw, &outputs, &budget)?;
     let mut notes = std::mem::take(&mut loaded.notes);
-    let camera = upright(args, &loaded.mesh, &mut notes).relative_to(loaded.origin);
-    let mut stage = Stage::new(args, camera, loaded, &targets, &mut notes)?;
-    let view = stage.studio.viewpoint(0.0);
-    let (misses, cut) = (view.misses(stage.studio.bounds()), view.cut(stage.studio.mesh()));
-    let outside = if misses {
-        Some("the mesh lies wholly outside the depths that this camera draws".to_string())
-    } else {
-        let text = || format!("{cut} triangles lie before near ({:.3}) and are cut there: lower --near", view.near);
-        (cut > 0).then(text)
-    };
-    outside.iter().for_each(|text| note(text));
-    notes.extend(outside);
+    let mut stage = Stage::new(args, loaded, &targets, &mut notes)?;
     let mut report = Report::new(&stage, notes);
     if args.turntable.is_some() || args.sweep.is_some() {
         animation::run(&mut stage, &targets, &mut report)?;
     } else {
         still(&mut stage, &targets, &mut report)?;
     }
-    if !misses {
-        report.note_nothing(&stage);
-    }
+    report.note_nothing(&stage.studio);
     report.print(args.json, start.elapsed())
 }
 
@@ -72,24 +59,6 @@ fn still(stage: &mut Stage<'_>, targets: &[Target], report: &mut Report) -> Resu
         report.wrote(target, 1, meaning);
     }
     Ok(())
-}
-
-/// The camera with a vertical axis: the one given, or one that the mesh stands on, with a note if that is not y. glTF files say
-/// that y is up, who gives the camera's place has seen the mesh's coordinates, and --frame sphere is the same camera however the
-/// mesh is turned.
-fn upright(args: &RenderArgs, mesh: &Mesh, notes: &mut Vec<String>) -> CameraOptions {
-    let mut camera = args.camera.options();
-    let ending = args.mesh.extension().map(|ending| ending.to_ascii_lowercase()).unwrap_or_default();
-    let is_given = camera.up.is_some() || camera.eye.is_some() || args.frame == Fit::Sphere;
-    if is_given || ending == "gltf" || ending == "glb" {
-        return camera;
-    }
-    if z_is_up(mesh) {
-        camera.up = Some([0.0, 0.0, 1.0]);
-        notes.push("the mesh stands or lies on its lowest z, so z is taken to be up; --up 0,1,0 for y".into());
-        notes.last().into_iter().for_each(|text| note(text));
-    }
-    camera
 }
 
 /// One file to write.
@@ -141,7 +110,7 @@ fn targets(args: &RenderArgs) -> Result<Vec<Target>, Failure> {
 
 /// Refuses samples that a file or a frame cannot have, and solid alpha in modes in which that is not known how.
 fn check_samples(args: &RenderArgs, targets: &[Target]) -> Result<(), Failure> {
-    let options = args.options(args.camera.options(), 2);
+    let options = args.options(2);
     if options.alpha == Some(Alpha::Solid) && !options.can_be_solid() {
         let needs = "needs --silhouette-mode product, --distance-mode euclidean and --background-mode composite";
         return Err(Failure::Usage(format!("--alpha solid: {needs}")));
@@ -183,27 +152,18 @@ struct Stage<'a> {
 }
 
 impl<'a> Stage<'a> {
-    fn new(
-        args: &'a RenderArgs,
-        camera: CameraOptions,
-        loaded: Loaded,
-        targets: &[Target],
-        notes: &mut Vec<String>,
-    ) -> Result<Self, Failure> {
+    fn new(args: &'a RenderArgs, loaded: Loaded, targets: &[Target], notes: &mut Vec<String>) -> Result<Self, Failure> {
         let mut renderer = super::open_device(args.device.as_deref(), args.read.memory)?;
         renderer.time_stages(true);
         let is_animation = targets.iter().any(|target| target.format == PictureFormat::Gif);
-        let mut options = args.options(camera, if is_animation { SWEEP_FRAMES } else { SWEEP_CELLS });
-        options.light.unlit |= loaded.unlit && options.light.lights.is_empty() && options.light.ambient.is_none();
-        let samples = options.samples(targets.iter().any(Target::has_floats));
+        let options = args.options(if is_animation { SWEEP_FRAMES } else { SWEEP_CELLS });
         let outputs: Vec<Output> = args.output.iter().map(|&output| output.into()).collect();
         let (vertices, triangles) = (loaded.mesh.positions().len(), loaded.mesh.triangles().len());
-        let origin = loaded.origin;
-        let (mesh, about) = shrunk(loaded.mesh, &renderer.device_info().limits)?;
+        let (origin, floats) = (loaded.origin, targets.iter().any(Target::has_floats));
+        let (studio, about) = Studio::new(loaded, options, &outputs, floats, &renderer.device_info().limits)?;
+        args.camera.check_depths(&studio.viewpoint(0.0))?;
         about.iter().for_each(|text| note(text));
         notes.extend(about);
-        let studio = Studio::new(mesh, &loaded.normals, &loaded.opacity, options, &outputs, samples)?;
-        args.camera.check_depths(&studio.viewpoint(0.0))?;
         Ok(Self { args, studio, origin, vertices, triangles, renderer })
     }
 }

@@ -4,7 +4,7 @@ use super::{Failure, Stage, Target};
 use crate::commands::{describe, note, say};
 use glam::DVec3;
 use serde_json::{Value, json};
-use softras_view::{Shot, short};
+use softras_view::{Shot, Studio, short};
 use std::time::Duration;
 
 /// A file that was written.
@@ -90,26 +90,11 @@ impl Report {
     }
 
     /// Notes that no frame shows anything of the mesh, if that is so, with what is likely to be the reason.
-    pub fn note_nothing(&mut self, stage: &Stage<'_>) {
-        let (camera, mesh) = (&stage.studio.options().camera, stage.studio.mesh());
-        let corner = |i: u32| DVec3::from(mesh.positions()[i as usize].map(f64::from));
-        let area = |[a, b, c]: [DVec3; 3]| (b - a).cross(c - a).length();
-        let is_flat = mesh.triangles().iter().all(|corners| area(corners.map(corner)) == 0.0);
-        let is_placed = camera.eye.is_some() || camera.target.is_some() || camera.distance.is_some();
-        let is_cut = camera.near.is_some() || camera.far.is_some();
-        let text = if is_flat && !stage.studio.has_glass() {
-            "no triangle of the mesh has an area: at most a faint blur of them is in the picture"
-        } else if self.is_seen {
-            return;
-        } else if is_placed || is_cut || camera.orthographic.is_some() {
-            "nothing of the mesh is in the picture: it is not where the camera looks: without --eye, --look-at, --distance, \
-             --near, --far and --orthographic the camera finds it by itself"
-        } else {
-            "nothing of the mesh is in the picture: it is seen edge-on, or from behind with --faces front: give another \
-             --azimuth or --elevation"
-        };
-        note(text);
-        self.notes.push(text.into());
+    pub fn note_nothing(&mut self, studio: &Studio) {
+        if let Some(text) = studio.nothing(self.is_seen) {
+            note(text);
+            self.notes.push(text.into());
+        }
     }
 
     /// Prints what was written, or everything as JSON.

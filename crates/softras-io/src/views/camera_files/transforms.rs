@@ -14,14 +14,16 @@ use std::path::{Path, PathBuf};
 /// Camera axes as in OpenGL.
 const OPENGL: DVec3 = DVec3::new(1.0, 1.0, -1.0);
 
-/// The whole file. Fields that scale or bound a radiance field's scene, or tell of its making, say nothing of cameras: they
-/// are taken, typed, and not used.
+/// The whole file or one of its frames, whose fields take the place of the file's. Fields that scale or bound a radiance field's
+/// scene, or tell of its making, say nothing of cameras: they are taken, typed, and not used.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 #[allow(dead_code)]
 struct Transforms {
-    frames: Vec<Frame>,
     #[serde(default)]
+    frames: Vec<Self>,
+    file_path: Option<PathBuf>,
+    transform_matrix: Option<[[f64; 4]; 4]>,
     camera_model: Option<String>,
     camera_angle_x: Option<f64>,
     camera_angle_y: Option<f64>,
@@ -38,6 +40,11 @@ struct Transforms {
     p1: Option<f64>,
     p2: Option<f64>,
     is_fisheye: Option<bool>,
+    mask_path: Option<PathBuf>,
+    depth_file_path: Option<String>,
+    sharpness: Option<f64>,
+    rotation: Option<f64>,
+    colmap_im_id: Option<u64>,
     aabb_scale: Option<f64>,
     scale: Option<f64>,
     offset: Option<[f64; 3]>,
@@ -45,32 +52,6 @@ struct Transforms {
     applied_transform: Option<Vec<[f64; 4]>>,
     applied_scale: Option<f64>,
     orientation_override: Option<String>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-#[allow(dead_code)]
-struct Frame {
-    file_path: String,
-    transform_matrix: [[f64; 4]; 4],
-    fl_x: Option<f64>,
-    fl_y: Option<f64>,
-    cx: Option<f64>,
-    cy: Option<f64>,
-    w: Option<f64>,
-    h: Option<f64>,
-    sharpness: Option<f64>,
-    rotation: Option<f64>,
-    colmap_im_id: Option<u64>,
-    camera_model: Option<String>,
-    k1: Option<f64>,
-    k2: Option<f64>,
-    k3: Option<f64>,
-    k4: Option<f64>,
-    p1: Option<f64>,
-    p2: Option<f64>,
-    mask_path: Option<String>,
-    depth_file_path: Option<String>,
 }
 
 /// The pictures of a transforms.json.
@@ -89,10 +70,13 @@ pub(super) fn read(path: &Path, bytes: &[u8], fov: f64) -> Result<Vec<Entry>> {
     file.frames.iter().enumerate().map(|(i, frame)| view(path, &file, i, frame, fov)).collect()
 }
 
-fn view(path: &Path, file: &Transforms, i: usize, frame: &Frame, fov: f64) -> Result<Entry> {
+fn view(path: &Path, file: &Transforms, i: usize, frame: &Transforms, fov: f64) -> Result<Entry> {
     let place = format!("frames[{i}]");
     let refuse = |what: String, fix: &str| refuse(path, format!("{place}: {what}"), fix);
-    let pose = matrix(&frame.transform_matrix);
+    let (Some(rows), Some(mut name)) = (&frame.transform_matrix, frame.file_path.clone()) else {
+        return refuse("without file_path or transform_matrix".into(), "give both");
+    };
+    let pose = matrix(rows);
     let inverse = if pose.row(3).to_array() == [0.0, 0.0, 0.0, 1.0] { pose.inverse() } else { pose };
     let view = match posed(inverse, OPENGL) {
         Ok(view) => view,
@@ -131,7 +115,6 @@ fn view(path: &Path, file: &Transforms, i: usize, frame: &Frame, fov: f64) -> Re
         (_, None, Some(_)) => return refuse("camera_angle_y without camera_angle_x".into(), "give camera_angle_x"),
         (_, None, None) => Lens::Degrees(fov),
     };
-    let mut name = PathBuf::from(&frame.file_path);
     if name.extension().is_none() {
         name.set_extension("png");
     }
@@ -140,6 +123,5 @@ fn view(path: &Path, file: &Transforms, i: usize, frame: &Frame, fov: f64) -> Re
     if bend.is_some() && !matches!(lens, Lens::Pixels { .. }) {
         return refuse("distortion without fl_x".into(), "give fl_x");
     }
-    let mask = frame.mask_path.as_ref().map(PathBuf::from);
-    Ok(Entry { size, bend, mask, ..Entry::new(name, place, view, lens) })
+    Ok(Entry { size, bend, mask: frame.mask_path.clone(), ..Entry::new(name, place, view, lens) })
 }

@@ -126,6 +126,42 @@ fn a_mesh_far_from_0_keeps_its_shape() {
     assert_eq!([from(found[1]), from(found[2])], sides);
 }
 
+/// A sphere of 64-bit numbers, 1e7 units away and nearer.
+#[test]
+fn a_sphere_at_any_place_has_the_silhouette_of_that_at_0() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut renderer = renderer();
+    let ball = shapes::icosphere(2).unwrap().with_appearance(Appearance::Uniform([1.0; 3])).unwrap();
+    let mut seen = |mesh: &Mesh| {
+        let camera = Camera::from_angles(4.0, 25.0, 40.0, Projection::Perspective { fov_y: 0.6 }).unwrap();
+        let settings = Settings { width: 256, height: 256, ..Settings::default() };
+        let frame = renderer.render(&Scene::new(mesh.clone()), &[camera], &settings).unwrap();
+        frame.silhouette().unwrap().data.iter().map(|alpha| *alpha > 0.5).collect::<Vec<_>>()
+    };
+    let expected = seen(&ball);
+    for origin in [[1e3, -20.0, 7.0], [500_000.0, 4_649_776.0, -3e6], [-1e7, 1e7, 1e7], [0.125, 1e7, -3.3]] {
+        let at = |vertex: u32| {
+            let place = [0, 1, 2].map(|k| f64::from(ball.positions()[vertex as usize][k]) + origin[k]);
+            format!("vertex {} {} {}\n", place[0], place[1], place[2])
+        };
+        let facet = |corners: &[u32; 3]| {
+            format!("facet normal 0 0 0\nouter loop\n{}endloop\nendfacet\n", corners.map(at).concat())
+        };
+        let facets: String = ball.triangles().iter().map(facet).collect();
+        fs::write(folder.path().join("a.stl"), format!("solid a\n{facets}endsolid a\n")).unwrap();
+        for name in ["a.obj", "a.ply", "a.glb", "a.stl"] {
+            let path = folder.path().join(name);
+            if name != "a.stl" {
+                let options = softras_io::SaveOptions { origin, ..Default::default() };
+                softras_io::save_with(&ball, &path, &options).unwrap();
+            }
+            let loaded = load(&path, &RAW).unwrap().relative_to(origin).unwrap();
+            assert_eq!(loaded.notes, [""; 0], "{name} at {origin:?}");
+            assert!(seen(&loaded.mesh) == expected, "{name} at {origin:?}");
+        }
+    }
+}
+
 #[test]
 fn statements_of_obj_are_read_as_others_read_them() {
     let kept = obj("v 0 0 0\nv 1 0 0\nv 0 1 0\n# C:\\models\\\nf 1 2 3\nf 3 2 1 # C:\\\nf 2 1 3\n", "").unwrap();
@@ -237,6 +273,9 @@ fn materials_of_gltf_are_drawn_or_noted() {
     assert_eq!(masked.opacity, [0.0]);
     assert_note(&masked, "wholly transparent");
     assert_note(&with(json!({ "normalTexture": { "index": 0 } })), "materials[0].normalTexture: normal maps");
+    let wood = with(json!({ "name": "wood", "normalTexture": { "index": 0 } }));
+    assert_note(&wood, "materials[0] \"wood\".normalTexture: normal maps");
+    assert_eq!(wood.materials, ["wood"]);
     assert_note(&with(json!({ "extensions": { "X_new": {} } })), "extension X_new");
     assert_note(&with(json!({ "wobble": 3 })), "materials[0].wobble");
 }

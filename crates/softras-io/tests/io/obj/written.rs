@@ -58,13 +58,6 @@ fn writing_and_reading_gives_the_mesh_back() {
 }
 
 #[test]
-fn the_project_s_own_meshes_survive_a_file() {
-    for name in softras::shapes::NAMES {
-        assert_round_trip(&softras::shapes::by_name(name).unwrap());
-    }
-}
-
-#[test]
 fn a_texture_is_not_named_as_a_picture_of_the_mesh() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("fish.obj");

@@ -6,27 +6,29 @@ import torch
 from torch import nn
 
 from . import functional as srf
+from .kinds import Number, Vector
+from .mesh import Mesh
 
 
 class AmbientLighting(nn.Module):
     """Light from everywhere."""
 
-    def __init__(self, light_intensity=0.5, light_color=(1, 1, 1)) -> None:
+    def __init__(self, light_intensity: Number = 0.5, light_color: Vector = (1, 1, 1)) -> None:
         super().__init__()
         self.light_intensity, self.light_color = light_intensity, light_color
 
-    def forward(self, light) -> torch.Tensor:
+    def forward(self, light: torch.Tensor) -> torch.Tensor:
         return srf.ambient_lighting(light, self.light_intensity, self.light_color)
 
 
 class DirectionalLighting(nn.Module):
     """Light from one direction."""
 
-    def __init__(self, light_intensity=0.5, light_color=(1, 1, 1), light_direction=(0, 1, 0)) -> None:
+    def __init__(self, light_intensity: Number = 0.5, light_color: Vector = (1, 1, 1), light_direction: Vector = (0, 1, 0)) -> None:
         super().__init__()
         self.light_intensity, self.light_color, self.light_direction = light_intensity, light_color, light_direction
 
-    def forward(self, light, normals) -> torch.Tensor:
+    def forward(self, light: torch.Tensor, normals: torch.Tensor) -> torch.Tensor:
         return srf.directional_lighting(light, normals, self.light_intensity, self.light_color, self.light_direction)
 
 
@@ -35,12 +37,12 @@ class Lighting(nn.Module):
 
     def __init__(
         self,
-        light_mode="surface",
-        intensity_ambient=0.5,
-        color_ambient=(1, 1, 1),
-        intensity_directionals=0.5,
-        color_directionals=(1, 1, 1),
-        directions=(0, 1, 0),
+        light_mode: str = "surface",
+        intensity_ambient: Number = 0.5,
+        color_ambient: Vector = (1, 1, 1),
+        intensity_directionals: Number = 0.5,
+        color_directionals: Vector = (1, 1, 1),
+        directions: Vector = (0, 1, 0),
     ) -> None:
         super().__init__()
         if light_mode not in ("surface", "vertex"):
@@ -50,10 +52,10 @@ class Lighting(nn.Module):
         directional = DirectionalLighting(intensity_directionals, color_directionals, directions)
         self.directionals = nn.ModuleList([directional])
 
-    def forward(self, mesh) -> Mesh:
+    def forward(self, mesh: Mesh) -> Mesh:
         surface = self.light_mode == "surface"
         normals = mesh.surface_normals if surface else mesh.vertex_normals
-        light = self.ambient(torch.zeros_like(normals))
+        light = self.ambient(normals.new_zeros(len(normals), 1, 3))
         for directional in self.directionals:
             light = directional(light, normals)
         mesh.textures = mesh.textures * (light[:, :, None, :] if surface else light)

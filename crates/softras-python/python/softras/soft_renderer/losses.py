@@ -5,11 +5,13 @@ from __future__ import annotations
 import torch
 from torch import nn
 
+from .kinds import Number
+
 
 class LaplacianLoss(nn.Module):
     """Σ |p - mean of its neighbours|² for each mesh of a batch [batch, V, 3], or their mean with `average`."""
 
-    def __init__(self, vertex, faces, average=False) -> None:
+    def __init__(self, vertex: torch.Tensor, faces: torch.Tensor, average: bool = False) -> None:
         super().__init__()
         self.nv, self.nf, self.average = len(vertex), len(faces), average
         pairs = faces.long().cpu()[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
@@ -21,12 +23,12 @@ class LaplacianLoss(nn.Module):
         matrix.diagonal().copy_((degrees > 0).float())
         self.register_buffer("laplacian", matrix)
 
-    def forward(self, x) -> torch.Tensor:
+    def forward(self, x: torch.Tensor) -> torch.Tensor:
         loss = (self.laplacian @ x).pow(2).flatten(1).sum(1)
         return loss.sum() / len(x) if self.average else loss
 
 
-def _lengths(a, eps) -> tuple:
+def _lengths(a, eps: Number) -> tuple:
     square = a.pow(2).sum(-1)
     return square, (square + eps).sqrt()
 
@@ -38,7 +40,7 @@ class FlattenLoss(nn.Module):
     belong to two faces.
     """
 
-    def __init__(self, faces, average=False) -> None:
+    def __init__(self, faces: torch.Tensor, average: bool = False) -> None:
         super().__init__()
         self.nf, self.average = len(faces), average
         faces = faces.detach().cpu().long().tolist()
@@ -55,7 +57,7 @@ class FlattenLoss(nn.Module):
         for name, column in zip(("v0s", "v1s", "v2s", "v3s"), columns):
             self.register_buffer(name, torch.tensor(column, dtype=torch.long))
 
-    def forward(self, vertices, eps=1e-6) -> torch.Tensor:
+    def forward(self, vertices: torch.Tensor, eps: Number = 1e-6) -> torch.Tensor:
         v0, v1, v2, v3 = (vertices[:, index] for index in (self.v0s, self.v1s, self.v2s, self.v3s))
         edge = v1 - v0
         edge_square, edge_length = _lengths(edge, eps)

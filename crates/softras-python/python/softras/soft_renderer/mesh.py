@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from typing import Optional
 
 import numpy as np
 import torch
 import torch.nn.functional as F
 
 from . import functional as srf
+from .kinds import Array, Path
 
 
 def _tensor(value, dtype) -> torch.Tensor:
@@ -21,7 +23,10 @@ class Mesh:
     Without the batch's dimension they are a batch of one; textures are white unless given.
     """
 
-    def __init__(self, vertices, faces, textures=None, texture_res=1, texture_type="surface") -> None:
+    def __init__(
+        self, vertices: Array, faces: Array, textures: Optional[Array] = None, texture_res: int = 1,
+        texture_type: str = "surface"
+    ) -> None:
         if texture_type not in ("surface", "vertex"):
             raise ValueError(f"texture_type is {texture_type!r}: use surface or vertex")
         self.texture_type = texture_type
@@ -50,7 +55,7 @@ class Mesh:
         return self._vertices
 
     @vertices.setter
-    def vertices(self, vertices) -> None:
+    def vertices(self, vertices: torch.Tensor) -> None:
         self._vertices = vertices
         self.num_vertices = vertices.shape[1]
         self._corners = self._normals = self._smooth_normals = None
@@ -60,7 +65,7 @@ class Mesh:
         return self._faces
 
     @faces.setter
-    def faces(self, faces) -> None:
+    def faces(self, faces: torch.Tensor) -> None:
         self._faces = faces
         self.num_faces = faces.shape[1]
         self._corners = self._normals = self._smooth_normals = None
@@ -70,7 +75,7 @@ class Mesh:
         return self._textures
 
     @textures.setter
-    def textures(self, textures) -> None:
+    def textures(self, textures: torch.Tensor) -> None:
         self._textures = textures
 
     @property
@@ -114,19 +119,22 @@ class Mesh:
         self._fill_back = False
 
     @classmethod
-    def from_obj(cls, filename_obj, normalization=False, load_texture=False, texture_res=1, texture_type="surface") -> Mesh:
+    def from_obj(
+        cls, filename_obj: Path, normalization: bool = False, load_texture: bool = False, texture_res: int = 1,
+        texture_type: str = "surface"
+    ) -> Mesh:
         """A mesh from a file; see `functional.load_obj`."""
         found = srf.load_obj(filename_obj, normalization, load_texture, texture_res, texture_type)
         return cls(found[0], found[1], found[2] if load_texture else None, texture_res, texture_type)
 
-    def save_obj(self, filename_obj, save_texture=False, texture_res_out=16) -> None:
+    def save_obj(self, filename_obj: Path, save_texture: bool = False, texture_res_out: int = 16) -> None:
         """Writes a batch of one; see `functional.save_obj`."""
         if self.batch_size != 1:
             raise ValueError(f"a batch of {self.batch_size} meshes: a file has one")
         textures = self.textures[0] if save_texture else None
         srf.save_obj(filename_obj, self.vertices[0], self.faces[0], textures, texture_res_out, self.texture_type)
 
-    def voxelize(self, voxel_size=32) -> torch.Tensor:
+    def voxelize(self, voxel_size: int = 32) -> torch.Tensor:
         """Voxels [batch, size, size, size] of what lies within ±1/2; see `functional.voxelization`."""
         return srf.voxelization(self.face_vertices * voxel_size / (voxel_size - 1) + 0.5, voxel_size, False)
 

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Optional
 
+import torch
 import torch.nn.functional as F
 from torch import nn
 
 from . import functional as srf
+from .functional.rasterize import OPTIONS, rasterized
+from .kinds import Number, Size, Vector
+from .mesh import Mesh
 
 
 class SoftRasterizer(nn.Module):
@@ -20,26 +24,28 @@ class SoftRasterizer(nn.Module):
 
     #: For all rasterizers, or set on one of them.
     returns_info = False
+    #: Whether a program has read the colours of the last images.
+    colors_are_read = False
 
     def __init__(
         self,
-        image_size=256,
-        background_color=(0, 0, 0),
-        near=1,
-        far=100,
-        anti_aliasing=False,
-        fill_back=False,
-        eps=1e-3,
-        sigma_val=1e-5,
-        dist_func="euclidean",
-        dist_eps=1e-4,
-        gamma_val=1e-4,
-        aggr_func_rgb="softmax",
-        aggr_func_alpha="prod",
-        texture_type="surface",
-        exact_gradients=False,
-        image_height=None,
-        image_width=None,
+        image_size: Size = 256,
+        background_color: Vector = (0, 0, 0),
+        near: Number = 1,
+        far: Number = 100,
+        anti_aliasing: bool = False,
+        fill_back: bool = False,
+        eps: Number = 1e-3,
+        sigma_val: Number = 1e-5,
+        dist_func: str = "euclidean",
+        dist_eps: Number = 1e-4,
+        gamma_val: Number = 1e-4,
+        aggr_func_rgb: str = "softmax",
+        aggr_func_alpha: str = "prod",
+        texture_type: str = "surface",
+        exact_gradients: bool = False,
+        image_height: Optional[int] = None,
+        image_width: Optional[int] = None,
     ) -> None:
         super().__init__()
         choices = [
@@ -62,29 +68,22 @@ class SoftRasterizer(nn.Module):
     def _sides(self) -> tuple:
         return self.image_height or self.image_size, self.image_width or self.image_size
 
-    def forward(self, mesh, mode=None) -> Any:
-        images = srf.soft_rasterize(
-            mesh.face_vertices,
-            mesh.face_textures,
-            tuple(side * (2 if self.anti_aliasing else 1) for side in self._sides()),
-            self.background_color,
-            self.near,
-            self.far,
-            self.fill_back,
-            self.eps,
-            self.sigma_val,
-            self.dist_func,
-            self.dist_eps,
-            self.gamma_val,
-            self.aggr_func_rgb,
-            self.aggr_func_alpha,
+    def forward(self, mesh: Mesh, mode: Any = None) -> Any:
+        images = rasterized(
+            mesh.vertices,
+            mesh.faces,
+            mesh.textures,
             self.texture_type,
+            tuple(side * (2 if self.anti_aliasing else 1) for side in self._sides()),
+            {name: getattr(self, name) for name in OPTIONS},
             self.exact_gradients,
+            # Neither compiled code nor `torch.func` takes images that are not plain tensors.
+            None if torch.compiler.is_compiling() or torch._C._are_functorch_transforms_active() else self,
         )
         images = F.avg_pool2d(images, kernel_size=2, stride=2) if self.anti_aliasing else images
         return (images, *self._info(mesh)) if self.returns_info else images
 
-    def _info(self, mesh) -> tuple:
+    def _info(self, mesh: Mesh) -> tuple:
         weights = {"eps": self.eps, "sigma_val": self.sigma_val, "dist_func": self.dist_func, "dist_eps": self.dist_eps}
         weights["gamma_val"] = self.gamma_val
         given = weights if self.aggr_func_rgb == "softmax" else None
@@ -96,25 +95,14 @@ class Rasterizer(SoftRasterizer):
 
     def __init__(
         self,
-        image_size=256,
-        background_color=(0, 0, 0),
-        near=1,
-        far=100,
-        anti_aliasing=True,
-        fill_back=True,
-        eps=1e-6,
-        texture_type="surface",
+        image_size: Size = 256,
+        background_color: Vector = (0, 0, 0),
+        near: Number = 1,
+        far: Number = 100,
+        anti_aliasing: bool = True,
+        fill_back: bool = True,
+        eps: Number = 1e-6,
+        texture_type: str = "surface",
     ) -> None:
-        super().__init__(
-            image_size,
-            background_color,
-            near,
-            far,
-            anti_aliasing,
-            fill_back,
-            eps,
-            dist_func="hard",
-            aggr_func_rgb="hard",
-            aggr_func_alpha="hard",
-            texture_type=texture_type,
-        )
+        hard = dict.fromkeys(("dist_func", "aggr_func_rgb", "aggr_func_alpha"), "hard")
+        super().__init__(image_size, background_color, near, far, anti_aliasing, fill_back, eps, texture_type=texture_type, **hard)

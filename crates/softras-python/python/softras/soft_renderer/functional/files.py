@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 import os
+from typing import Optional
 
 import numpy as np
 import torch
 
 from ..._softras import Mesh, load, surface_cells
 from ...errors import FileError
+from ..kinds import Path
 
 
 def _cells(mesh: Mesh, resolution: int) -> np.ndarray:
@@ -23,7 +25,10 @@ def _cells(mesh: Mesh, resolution: int) -> np.ndarray:
     return surface_cells(mesh, resolution)
 
 
-def load_obj(filename_obj, normalization=False, load_texture=False, texture_res=4, texture_type="surface") -> tuple:
+def load_obj(
+    filename_obj: Path, normalization: bool = False, load_texture: bool = False, texture_res: int = 4,
+    texture_type: str = "surface"
+) -> tuple:
     """Vertices [V, 3] and faces [F, 3] (int32) of a mesh file, and with `load_texture` its textures.
 
     Those are [F, R², 3] for texture_type "surface", and [V, 3] for "vertex". `normalization` moves the mesh into a cube around
@@ -72,7 +77,10 @@ def _atlas(cells: np.ndarray, side: int) -> tuple:
     return image, uvs
 
 
-def save_obj(filename, vertices, faces, textures=None, texture_res=16, texture_type="surface") -> None:
+def save_obj(
+    filename: Path, vertices: torch.Tensor, faces: torch.Tensor, textures: Optional[torch.Tensor] = None, texture_res: int = 16,
+    texture_type: str = "surface"
+) -> None:
     """Writes vertices [V, 3] and faces [F, 3], with textures [F, R², 3] ("surface") or colours [V, 3] ("vertex").
 
     A surface becomes an image with a tile of `texture_res` pixels a side for each face.
@@ -92,7 +100,7 @@ def save_obj(filename, vertices, faces, textures=None, texture_res=16, texture_t
     Mesh(vertices, faces, **look).save(os.fspath(filename))
 
 
-def save_voxel(filename, voxel) -> None:
+def save_voxel(filename: Path, voxel: torch.Tensor) -> None:
     """Writes the voxels [X, Y, Z] that are 1 as the vertices of a mesh without faces, in the unit cube."""
     voxel = torch.as_tensor(voxel)
     places = torch.nonzero(voxel == 1) / torch.tensor(voxel.shape, device=voxel.device)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, Optional
 
 import torch
 import torch.nn.functional as F
+
+from ..kinds import Number, Vector
 
 
 def as_rows(value, like: torch.Tensor) -> torch.Tensor:
@@ -15,7 +17,7 @@ def as_rows(value, like: torch.Tensor) -> torch.Tensor:
     return rows[None] if rows.ndim == 1 else rows
 
 
-def get_points_from_angles(distance, elevation, azimuth, degrees: bool = True) -> Any:
+def get_points_from_angles(distance: Number, elevation: Number, azimuth: Number, degrees: bool = True) -> Any:
     """Eyes d (cos e sin a, sin e, -cos e cos a): a tuple for numbers, [batch, 3] for tensors."""
     numbers = isinstance(distance, (int, float))
     if degrees:
@@ -34,7 +36,7 @@ def _check_batch(vertices: torch.Tensor) -> None:
         raise ValueError(f"vertices have shape {tuple(vertices.shape)}: give [batch, V, 3]")
 
 
-def look(vertices, eye, direction=(0, 1, 0), up=None) -> torch.Tensor:
+def look(vertices: torch.Tensor, eye: Vector, direction: Vector = (0, 1, 0), up: Optional[Vector] = None) -> torch.Tensor:
     """Vertices [batch, V, 3] in the view space of cameras at `eye` that look along `direction`.
 
     `up` is (0, 1, 0), or (0, 0, 1) for cameras that look straight up or down.
@@ -53,14 +55,14 @@ def look(vertices, eye, direction=(0, 1, 0), up=None) -> torch.Tensor:
     return (vertices - eye[:, None, :]) @ axes.transpose(1, 2)
 
 
-def look_at(vertices, eye, at=(0, 0, 0), up=(0, 1, 0)) -> torch.Tensor:
+def look_at(vertices: torch.Tensor, eye: Vector, at: Vector = (0, 0, 0), up: Optional[Vector] = (0, 1, 0)) -> torch.Tensor:
     """Vertices [batch, V, 3] in the view space of cameras at `eye` that look at `at`."""
     _check_batch(vertices)
     eye, at = as_rows(eye, vertices), as_rows(at, vertices)
     return look(vertices, eye, at - eye, up)
 
 
-def perspective(vertices, angle=30.0) -> torch.Tensor:
+def perspective(vertices: torch.Tensor, angle: Number = 30.0) -> torch.Tensor:
     """View space [batch, V, 3] to the screen; `angle` is half the angle of view in degrees."""
     _check_batch(vertices)
     width = torch.tan(torch.deg2rad(torch.as_tensor(angle, dtype=vertices.dtype, device=vertices.device)))
@@ -68,14 +70,14 @@ def perspective(vertices, angle=30.0) -> torch.Tensor:
     return torch.stack((x / z / width, y / z / width, z), dim=2)
 
 
-def orthogonal(vertices, scale) -> torch.Tensor:
+def orthogonal(vertices: torch.Tensor, scale: Number) -> torch.Tensor:
     """View space [batch, V, 3] to the screen without perspective."""
     _check_batch(vertices)
     x, y, z = vertices.unbind(2)
     return torch.stack((x * scale, y * scale, z), dim=2)
 
 
-def projection(vertices, P, dist_coeffs, orig_size) -> torch.Tensor:
+def projection(vertices: torch.Tensor, P: torch.Tensor, dist_coeffs: torch.Tensor, orig_size: Number) -> torch.Tensor:
     """Vertices [batch, V, 3] to the screen by matrices [batch, 3, 4] and distortions (k1, k2, p1, p2, k3) [batch, 5]."""
     x, y, z = (vertices @ P[:, :, :3].transpose(1, 2) + P[:, None, :, 3]).unbind(2)
     x, y = x / (z + 1e-5), y / (z + 1e-5)
@@ -88,17 +90,17 @@ def projection(vertices, P, dist_coeffs, orig_size) -> torch.Tensor:
     return torch.stack(((across - half) / half, (down - half) / half, z), dim=2)
 
 
-def face_vertices(vertices, faces) -> torch.Tensor:
+def face_vertices(vertices: torch.Tensor, faces: torch.Tensor) -> torch.Tensor:
     """The corners [batch, F, 3, 3] of faces [batch, F, 3], of vertices or of any values [batch, V, 3]."""
     if vertices.ndim != 3 or faces.ndim != 3 or len(vertices) != len(faces) or faces.shape[2] != 3:
         shapes = f"{tuple(vertices.shape)} and {tuple(faces.shape)}"
         raise ValueError(f"vertices and faces have shapes {shapes}: give [batch, V, 3] and [batch, F, 3]")
-    # The derivative of gather is much faster than that of indexing with two tensors.
-    corners = faces.long().flatten(1)[..., None].expand(-1, -1, vertices.shape[2])
-    return vertices.gather(1, corners).unflatten(1, (-1, 3))
+    # One index into all rows is faster than gather, and its derivative much faster than that of two indices.
+    rows = faces + torch.arange(0, vertices.shape[:2].numel(), vertices.shape[1], device=faces.device)[:, None, None]
+    return vertices.flatten(0, 1).index_select(0, rows.flatten()).unflatten(0, faces.shape)
 
 
-def vertex_normals(vertices, faces) -> torch.Tensor:
+def vertex_normals(vertices: torch.Tensor, faces: torch.Tensor) -> torch.Tensor:
     """The mean normals [batch, V, 3] of the faces around each vertex, weighted by their areas."""
     a, b, c = face_vertices(vertices, faces).unbind(2)
     areas = torch.linalg.cross(c - b, a - b)

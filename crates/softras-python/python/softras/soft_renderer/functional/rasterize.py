@@ -3,28 +3,40 @@
 from __future__ import annotations
 
 import warnings
+from typing import Optional
 
 import numpy as np
 import torch
+from torch.utils._pytree import tree_leaves
 
+from ... import _scene
 from ... import torch as softras_torch
 from ..._softras import Camera
 from ...errors import InputError, LimitError
 from ...settings import Settings
+from ..kinds import Number, Size, Vector
 
 #: The nearest depth that is drawn.
 _NEAREST = 1e-6
 _ALPHA = {"hard": "hard", "sum": "sum", "prod": "product"}
 
 
-def _sides(image_size) -> tuple:
+def _sides(image_size: Size) -> tuple:
     """Height and width of an image of one side, or of (height, width)."""
     return (image_size, image_size) if isinstance(image_size, int) else tuple(image_size)
 
 
-def _settings(image_size, background_color, near, far, fill_back, eps, sigma_val, dist_func, dist_eps, gamma_val, rgb, alpha) -> Settings:
-    if alpha not in _ALPHA:
-        raise InputError(f"aggr_func_alpha is {alpha!r}: use hard, sum or prod")
+#: The arguments of `soft_rasterize` that say how an image is made, besides its size.
+OPTIONS = ("background_color", "near", "far", "fill_back", "eps", "sigma_val", "dist_func", "dist_eps", "gamma_val")
+OPTIONS += ("aggr_func_rgb", "aggr_func_alpha")
+
+
+def _settings(
+    image_size, background_color, near, far, fill_back, eps, sigma_val, dist_func, dist_eps, gamma_val, aggr_func_rgb,
+    aggr_func_alpha
+) -> Settings:
+    if aggr_func_alpha not in _ALPHA:
+        raise InputError(f"aggr_func_alpha is {aggr_func_alpha!r}: use hard, sum or prod")
 
     def number(x) -> float:
         return float(x.detach()) if isinstance(x, torch.Tensor) else float(x)
@@ -54,12 +66,15 @@ def _settings(image_size, background_color, near, far, fill_back, eps, sigma_val
         distance=dist_func,
         tau=1.0 / (1.0 + float(np.exp(cutoff))),
         gamma=gamma,
-        color=rgb,
-        silhouette=_ALPHA[alpha],
+        color=aggr_func_rgb,
+        silhouette=_ALPHA[aggr_func_alpha],
     )
 
 
-def rasterize_info(face_vertices, image_size=256, near=1, far=100, fill_back=True, weights=None) -> tuple:
+def rasterize_info(
+    face_vertices: torch.Tensor, image_size: Size = 256, near: Number = 1, far: Number = 100, fill_back: bool = True,
+    weights: Optional[dict] = None,
+) -> tuple:
     """What the fork of UMR returns beside the images: p2f_info [batch, F, 2] and aggrs_info [batch, 2, size, size].
 
     aggrs_info is the depth of the nearest face of each pixel, 1e7 where there is none, and its number, -1 there. p2f_info is each
@@ -89,28 +104,28 @@ def rasterize_info(face_vertices, image_size=256, near=1, far=100, fill_back=Tru
     return sums[:, :, 0, :2] / sums[:, :, 0, 2:].clamp(min=1e-12), info
 
 
-def _apart(count) -> np.ndarray:
+def _apart(count: int) -> np.ndarray:
     """Triangles of corners that belong to one face each."""
     return np.arange(3 * count, dtype=np.uint32).reshape(count, 3)
 
 
 def soft_rasterize(
-    face_vertices,
-    textures,
-    image_size=256,
-    background_color=(0, 0, 0),
-    near=1,
-    far=100,
-    fill_back=True,
-    eps=1e-3,
-    sigma_val=1e-5,
-    dist_func="euclidean",
-    dist_eps=1e-4,
-    gamma_val=1e-4,
-    aggr_func_rgb="softmax",
-    aggr_func_alpha="prod",
-    texture_type="surface",
-    exact_gradients=False,
+    face_vertices: torch.Tensor,
+    textures: torch.Tensor,
+    image_size: Size = 256,
+    background_color: Vector = (0, 0, 0),
+    near: Number = 1,
+    far: Number = 100,
+    fill_back: bool = True,
+    eps: Number = 1e-3,
+    sigma_val: Number = 1e-5,
+    dist_func: str = "euclidean",
+    dist_eps: Number = 1e-4,
+    gamma_val: Number = 1e-4,
+    aggr_func_rgb: str = "softmax",
+    aggr_func_alpha: str = "prod",
+    texture_type: str = "surface",
+    exact_gradients: bool = False,
 ) -> torch.Tensor:
     """Images [batch, 4, size, size] (red, green, blue, alpha; row 0 at the top) of faces on the screen.
 
@@ -118,34 +133,75 @@ def soft_rasterize(
     image that is not square x reaches ±width / height. `textures` is [batch, F, R², 3] for
     texture_type "surface", [batch, F, 3, 3] for "vertex". The gradient is the official code's unless `exact_gradients`.
     """
+    named = dict(locals())
     batch, count = face_vertices.shape[:2]
-    settings = _settings(
-        image_size,
-        background_color,
-        near,
-        far,
-        fill_back,
-        eps,
-        sigma_val,
-        dist_func,
-        dist_eps,
-        gamma_val,
-        aggr_func_rgb,
-        aggr_func_alpha,
-    )
-    look = {"surface": textures} if texture_type == "surface" else {"colors": textures.reshape(batch, 3 * count, 3)}
-    try:
-        images = softras_torch.render(
-            face_vertices.float().reshape(batch, 3 * count, 3),
-            _apart(count),
-            [Camera.screen()] * batch,
-            settings=settings,
-            mode="exact" if exact_gradients else "paper",
-            **{name: value.float() for name, value in look.items()},
-        )
-    except LimitError as error:
-        if "`texels`" not in str(error):
-            raise
-        cells = f"{batch} × {count} faces with {textures.shape[2]} cells each"
-        raise LimitError(f"{error}; {cells}: use a smaller texture_res, or softras.torch.render with textures") from None
-    return torch.cat((images.color, images.silhouette[..., None]), dim=3).permute(0, 3, 1, 2).contiguous()
+    if texture_type == "vertex":
+        textures = textures.reshape(batch, 3 * count, 3)
+    options = {name: named[name] for name in OPTIONS}
+    corners = face_vertices.reshape(batch, 3 * count, 3)
+    return rasterized(corners, _apart(count), textures, texture_type, image_size, options, exact_gradients)
+
+
+@torch.compiler.disable
+def rasterized(vertices, faces, textures, texture_type, image_size, options, exact_gradients, state=None) -> torch.Tensor:
+    """The images of meshes on the screen. With a `state`, colours wait until they are read, unless the last images' were."""
+    batch, count = len(vertices), faces.shape[-2]
+    look = "surface" if texture_type == "surface" else "colors"
+    given = {"positions": vertices.float(), look: textures.float()}
+    constants = {"settings": _settings(image_size, **options), "mode": "exact" if exact_gradients else "paper"}
+    scene, flat = _scene.build(given, {}, faces, [Camera.screen()] * batch, constants, torch.Tensor, softras_torch._host)
+    scene.late = state is not None and not state.colors_are_read
+
+    def tried(call):
+        try:
+            return call()
+        except LimitError as error:
+            if "`texels`" not in str(error):
+                raise
+            cells = f"{batch} × {count} faces with {textures.shape[2]} cells each"
+            raise LimitError(f"{error}; {cells}: use a smaller texture_res, or softras.torch.render with textures") from None
+
+    found = tried(lambda: softras_torch._rendered(scene, flat))
+    images = torch.cat((found.color.permute(0, 3, 1, 2), found.silhouette[:, None]), dim=1).contiguous()
+    if state is None:
+        return images
+    state.colors_are_read = False
+    # Not detach(): what saved alpha for its derivative does not mind colours.
+    whole = images.data
+
+    def read():
+        state.colors_are_read = True
+        if scene.late:
+            whole[:, :3] = torch.from_numpy(tried(scene.finish).color).permute(0, 3, 1, 2)
+
+    images = images.as_subclass(_Images)
+    images.read = read
+    return images
+
+
+def _is_of_alpha(index) -> bool:
+    """Whether an index of images is of alpha alone."""
+    if not isinstance(index, tuple) or len(index) < 2 or not isinstance(index[0], (int, slice)):
+        return False
+    channels = index[1]
+    if isinstance(channels, slice):
+        return (channels.start, channels.step) in ((3, None), (-1, None)) and channels.stop in (4, None)
+    return isinstance(channels, int) and channels in (3, -1)
+
+
+class _Images(torch.Tensor):
+    """Images [batch, 4, height, width] that call `read` before anything but their alpha or shape is read; then they are a plain tensor.
+
+    What reads the memory without torch finds NaN in colours that nothing has read.
+    """
+
+    @classmethod
+    def __torch_function__(cls, function, types, args=(), kwargs=None):
+        with torch._C.DisableTorchFunctionSubclass():
+            alpha = function is torch.Tensor.__getitem__ and _is_of_alpha(args[1])
+            if not alpha and function not in (torch.Tensor.shape.__get__, torch.Tensor.device.__get__):
+                for one in tree_leaves((args, kwargs)):
+                    if isinstance(one, _Images):
+                        one.__class__ = torch.Tensor
+                        one.__dict__.pop("read")()
+            return function(*args, **(kwargs or {}))

@@ -7,7 +7,7 @@ import torch
 from ..._softras import solid_voxels
 
 
-def voxelization(faces, size, normalize=False) -> torch.Tensor:
+def voxelization(faces: torch.Tensor, size: int, normalize: bool = False) -> torch.Tensor:
     """Voxels [batch, size, size, size] (int32, indexed x, y, z) of faces [batch, F, 3, 3].
 
     A voxel is 1 where the surface touches it or it cannot be reached from outside. Coordinates run from 0 to 1, or from 0 to
