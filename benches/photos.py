@@ -160,6 +160,12 @@ def first(count):
     return change
 
 
+def white(pixels, _, rng):
+    """All of the picture in the mask, before a grey wall."""
+    pixels[pixels[..., 3] == 0] = 128
+    return fill(255)(pixels, _, rng)
+
+
 third = lambda i: i == 3
 ROWS = [
     ("clean", nothing, []),
@@ -172,7 +178,7 @@ ROWS = [
     ("one wrong mask", pictures(shift, third), []),
     ("one empty mask", pictures(fill(0), third), []),
     ("one mask upside down", pictures(flip, third), []),
-    ("one white mask", pictures(fill(255), third), []),
+    ("one white mask", pictures(white, third), []),
     ("exposure from 0.66 to 1.5", pictures(expose), []),
     ("eight views", first(8), []),
     ("six views", first(6), []),

@@ -265,7 +265,7 @@ FAULTS = [
      ["fit doubt::a_wrong_view"]),
     ("a right view is left out", "crates/softras-fit/src/doubt.rs", "Some(carver) => covered[carver] = true,", "Some(_) => {}",
      ["fit doubt::a_wrong_view"]),
-    ("holes that two pictures show are filled", "crates/softras-fit/src/doubt.rs", "if seen.len() > 1 {", "if seen.len() > 999 {",
+    ("holes that two pictures show are filled", "crates/softras-fit/src/doubt.rs", "through[view][*at] <= needed", "through[view][*at] <= 999",
      ["fit doubt::a_hole"]),
     ("a close-up tells the object's size", "crates/softras-fit/src/cameras.rs", "if x == 0 || y == 0 || x + 1 == width || y + 1 == height {",
      "if false {", ["fit doubt::close_ups"]),

@@ -13,8 +13,10 @@ use softras::{Mesh, Renderer, Result, scene::Appearance, shapes};
 
 /// The sphere's radius as a share of the radius that the cameras see.
 const SPHERE: f64 = 0.65;
-/// Views from which on a hull is nearer to the object than a sphere is.
-const HULL_VIEWS: usize = 6;
+/// Views from which on a hull is nearer to the object than a sphere is. A hull of fewer has corners that no view sees, and keeps them.
+const HULL_VIEWS: usize = 8;
+/// Views from which on a sphere has more triangles.
+const FINE_SPHERE_VIEWS: usize = 6;
 /// Samples along the hull's longest side for each pixel along the shorter side of a picture, and the most of them.
 const SAMPLES_PER_PIXEL: f64 = 1.0;
 const MOST_SAMPLES: usize = 192;
@@ -69,7 +71,10 @@ pub fn begin(
 fn sphere(options: &FitOptions, subject: &Subject, official: bool) -> Result<Mesh> {
     let (center, radius) = (subject.bounds.center.to_array(), SPHERE * subject.bounds.radius);
     let (center, radius) = if official { ([0.0; 3], 1.0) } else { (center, radius) };
-    placed(&shapes::icosphere(options.subdivisions.unwrap_or(3))?, |p, k| f64::from(p) * radius + center[k])
+    let is_fine =
+        matches!(options.template, Template::Auto) && options.compared(subject).cameras.len() >= FINE_SPHERE_VIEWS;
+    let subdivisions = options.subdivisions.unwrap_or(if is_fine && !official { 4 } else { 3 });
+    placed(&shapes::icosphere(subdivisions)?, |p, k| f64::from(p) * radius + center[k])
 }
 
 /// The visual hull where it is asked for, or is likely to be nearer than a sphere; `None` for a sphere.

@@ -1,13 +1,13 @@
 //! A mesh's colours beside those of the views: their error, and the one colour that comes nearest.
 
-use crate::{finer, pooled, sized, subject::Subject};
+use crate::{
+    finer, pooled, sized,
+    subject::{Subject, samples},
+};
 use softras::{
     Mesh, Renderer, Result, Scene, Settings, parts,
     scene::{Appearance, Background, Outputs},
 };
-
-/// Samples along each side of a pixel.
-const SAMPLES: usize = 3;
 
 /// The mean absolute difference between the colours that a mesh shows under the lights of the fit and those of the views, linear
 /// and from 0 to 1, over the pixels of some views that the object covers by more than half; `None` where no colours are fitted.
@@ -20,17 +20,18 @@ pub fn color_error(
 ) -> Result<Option<f64>> {
     let views = subject.views.some(views);
     let (Some(color), Some(silhouette)) = (&views.color, &views.silhouette) else { return Ok(None) };
+    let samples = samples((color.height, color.width));
     let settings = Settings {
         sigma: 1e-7,
         gamma: 1e-5,
         outputs: Outputs { color: true, ..Outputs::NOTHING },
-        ..sized(settings, (color.height, color.width), SAMPLES)
+        ..sized(settings, (color.height, color.width), samples)
     };
     let scene = Scene::new(mesh.clone()).with_lights(subject.lights.clone());
     let (mut sum, mut count) = (0.0, 0usize);
-    let cameras = finer(&views.cameras, SAMPLES)?;
+    let cameras = finer(&views.cameras, samples)?;
     parts::in_batches(renderer, &scene, &cameras, &settings, |range, frame| {
-        let shown = pooled(frame.color()?, SAMPLES)?;
+        let shown = pooled(frame.color()?, samples)?;
         let (color, silhouette) = (color.views(range.clone()), silhouette.views(range));
         let pixels = shown.data.chunks_exact(3).zip(color.data.chunks_exact(3)).zip(&silhouette.data);
         for ((shown, wanted), _) in pixels.filter(|(_, inside)| **inside > 0.5) {

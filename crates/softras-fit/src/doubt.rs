@@ -6,7 +6,7 @@
 use crate::{
     cameras::{self, Sphere},
     hull::{View, views as pictures},
-    regions::{holes, pixels_around},
+    regions::{holes, of_pixels, pixels_around},
 };
 use glam::DVec3;
 use softras::{Image, Result, shapes::Samples};
@@ -29,6 +29,10 @@ const MOST_LEFT: f64 = 0.7;
 const FULL: f64 = 0.995;
 /// A larger hole, as a share of its mask, is always taken for one.
 const LARGEST_HOLE: f64 = 0.1;
+/// Pixels of a small hole and of a speck, at most.
+const SMALL: usize = 32;
+/// A hole is seen by at least this many times more other views than by chance.
+const FACTOR: f64 = 8.0;
 
 /// Leaves out the views that are empty, full, or do not agree with the others, at most a quarter of them, and fills small holes that
 /// one mask alone has. Each is noted. Fewer than six views stay as they are. Returns the numbers of the views that stay.
@@ -165,73 +169,114 @@ impl Cells {
     }
 }
 
-/// Fills the small holes of masks through which no other picture shows the background.
+/// Fills holes of masks that too few others look through, and takes away specks beside the object that no solid has. Where many
+/// masks have small holes, rays through some of them meet by chance: their own density says how many have to.
 fn fill(views: &mut Views, bounds: Sphere, notes: &mut Vec<String>) -> Result<()> {
     let Some(silhouettes) = &views.silhouette else { return Ok(()) };
     let (height, width) = (silhouettes.height, silhouettes.width);
-    let holes: Vec<Holes> = (0..views.cameras.len()).map(|v| Holes::of(silhouettes.view(v), width)).collect();
-    if holes.iter().all(|holes| holes.pixels.is_empty()) {
+    let size = (height, width);
+    let count = views.cameras.len();
+    let of = |view: usize| {
+        let mask = silhouettes.view(view);
+        let is_inside = |pixel: usize| mask[pixel] > 0.5;
+        let mut parts = of_pixels(size, is_inside, true);
+        parts.sort_by_key(Vec::len);
+        parts.pop();
+        parts.retain(|part| part.len() <= SMALL);
+        [Spots::of(holes(size, is_inside), mask.len()), Spots::of(parts, mask.len())]
+    };
+    let (holes, specks): (Vec<Spots>, Vec<Spots>) = (0..count).map(of).map(|[holes, specks]| (holes, specks)).unzip();
+    if holes.iter().chain(&specks).all(|spots| spots.pixels.is_empty()) {
         return Ok(());
     }
+    let area = |view: usize| silhouettes.view(view).iter().filter(|x| **x > 0.5).count() as f64;
+    // How many views look through their small holes at a point of the object by chance.
+    let by_chance: f64 = (0..count).map(|view| holes[view].small() / area(view).max(1.0)).sum();
+    let needed = 1 + (FACTOR * by_chance) as usize;
     let all = pictures(views, 1)?;
     let grid = Samples::new(bounds.center - bounds.radius, 2.0 * bounds.radius, RESOLUTION);
-    // For each view the holes through which another picture looks too.
-    let mut shared: Vec<Vec<bool>> = holes.iter().map(|holes| vec![false; holes.pixels.len()]).collect();
+    // For each view and hole the most views that look through at one point, and for each speck whether the hull has a point there.
+    let [mut through, mut beside] = [&holes, &specks]
+        .map(|spots| spots.iter().map(|spots| vec![0; spots.pixels.len()]).collect::<Vec<Vec<usize>>>());
     for point in (0..grid.values.len()).map(|i| grid.position(i)) {
-        let seen: Vec<(usize, usize)> = (0..all.len())
-            .filter_map(|view| {
-                let (column, row) = all[view].pixel(point)?;
-                Some((view, holes[view].near(column, row, (height, width))?))
-            })
-            .collect();
-        if seen.len() > 1 {
-            seen.into_iter().for_each(|(view, hole)| shared[view][hole] = true);
+        let near = |spots: &[Spots]| -> Vec<(usize, usize)> {
+            let one = |view: usize| Some((view, spots[view].near(all[view].pixel(point)?, size)?));
+            (0..count).filter_map(one).collect()
+        };
+        let most = |seen: Vec<(usize, usize)>, of: &mut [Vec<usize>]| {
+            let count = seen.len();
+            seen.into_iter().for_each(|(view, spot)| of[view][spot] = of[view][spot].max(count));
+        };
+        most(near(&holes), &mut through);
+        let shown = near(&specks);
+        if !shown.is_empty() && all.iter().all(|view| view.outline_distance(point).is_none_or(|d| d > -grid.step)) {
+            most(shown, &mut beside);
         }
     }
     drop(all);
+    let areas: Vec<f64> = (0..count).map(area).collect();
     let Some(silhouettes) = &mut views.silhouette else { return Ok(()) };
-    let (mut pierced, mut count) = (Vec::new(), 0);
-    for (view, (holes, shared)) in holes.iter().zip(shared).enumerate() {
-        let area = silhouettes.view(view).iter().filter(|x| **x > 0.5).count() as f64;
-        let is_alone = |at: &usize| !shared[*at] && holes.pixels[*at].len() as f64 <= LARGEST_HOLE * area;
-        let alone: Vec<usize> = (0..shared.len()).filter(is_alone).flat_map(|at| holes.pixels[at].clone()).collect();
-        if alone.is_empty() {
-            continue;
-        }
-        pierced.push(view);
-        count += alone.len();
-        alone.into_iter().for_each(|at| silhouettes.data[view * height * width + at] = 1.0);
+    let (mut pierced, mut specked) = (Vec::new(), Vec::new());
+    for (view, mask) in silhouettes.data.chunks_exact_mut(height * width).enumerate() {
+        let is_alone = |at: &usize| {
+            through[view][*at] <= needed && holes[view].pixels[*at].len() as f64 <= LARGEST_HOLE * areas[view]
+        };
+        let is_speck = |at: &usize| beside[view][*at] == 0;
+        pierced.push(paint(mask, &holes[view], is_alone, 1.0, size));
+        specked.push(paint(mask, &specks[view], is_speck, 0.0, size));
     }
-    if let [first, more @ ..] = &pierced[..] {
-        let others = if more.is_empty() { String::new() } else { format!(" and {} more", more.len()) };
-        let name = name(views, *first);
-        notes.push(format!(
-            "{name}{others}: holes, {count} pixels in all, that no other picture looks through are filled"
-        ));
+    let told = [
+        (pierced, "holes", "that no other picture looks through are filled"),
+        (specked, "specks", "that the other pictures leave no room for are taken away"),
+    ];
+    for (pixels, what, why) in told {
+        let changed: Vec<usize> = (0..count).filter(|view| pixels[*view] > 0).collect();
+        if let [first, more @ ..] = &changed[..] {
+            let others = if more.is_empty() { String::new() } else { format!(" and {} more", more.len()) };
+            let sum: usize = pixels.iter().sum();
+            notes.push(format!("{}{others}: {what}, {sum} pixels in all, {why}", name(views, *first)));
+        }
     }
     Ok(())
 }
 
-/// The parts of the background of a mask that do not reach its border.
-struct Holes {
+/// Gives the pixels of some spots of a mask a value, and those beside them that are neither inside nor outside. Returns the number
+/// of the spots' pixels.
+fn paint(mask: &mut [f32], spots: &Spots, is_some: impl Fn(&usize) -> bool, value: f32, size: (usize, usize)) -> usize {
+    let some: Vec<usize> =
+        (0..spots.pixels.len()).filter(is_some).flat_map(|spot| spots.pixels[spot].iter().copied()).collect();
+    for pixel in some.iter().flat_map(|pixel| pixels_around(*pixel, size, true)) {
+        let is_edge = (mask[pixel] > 0.5) == (value > 0.5) && spots.of_pixel[pixel] == 0;
+        mask[pixel] = if is_edge && mask[pixel] != value { value } else { mask[pixel] };
+    }
+    some.iter().for_each(|pixel| mask[*pixel] = value);
+    some.len()
+}
+
+/// Holes or specks of a mask.
+struct Spots {
     pixels: Vec<Vec<usize>>,
-    /// One more than the number of each pixel's hole, or 0.
+    /// One more than the number of each pixel's spot, or 0.
     of_pixel: Vec<usize>,
 }
 
-impl Holes {
-    fn of(mask: &[f32], width: usize) -> Self {
-        let size = (mask.len() / width, width);
-        let pixels = holes(size, |pixel| mask[pixel] > 0.5);
-        let mut of_pixel = vec![0; mask.len()];
-        for (at, hole) in pixels.iter().enumerate() {
-            hole.iter().for_each(|&pixel| of_pixel[pixel] = at + 1);
+impl Spots {
+    fn of(pixels: Vec<Vec<usize>>, count: usize) -> Self {
+        let mut of_pixel = vec![0; count];
+        for (at, spot) in pixels.iter().enumerate() {
+            spot.iter().for_each(|&pixel| of_pixel[pixel] = at + 1);
         }
         Self { pixels, of_pixel }
     }
 
-    /// A hole in or beside a pixel.
-    fn near(&self, column: usize, row: usize, size: (usize, usize)) -> Option<usize> {
+    /// A spot in or beside a pixel.
+    fn near(&self, (column, row): (usize, usize), size: (usize, usize)) -> Option<usize> {
         pixels_around(row * size.1 + column, size, true).find_map(|pixel| self.of_pixel[pixel].checked_sub(1))
+    }
+
+    /// The pixels of small spots and of those beside them, about.
+    fn small(&self) -> f64 {
+        let wide = |spot: &Vec<usize>| ((spot.len() as f64).sqrt() + 2.0).powi(2);
+        self.pixels.iter().filter(|spot| spot.len() <= SMALL).map(wide).sum()
     }
 }

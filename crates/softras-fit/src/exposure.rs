@@ -62,6 +62,24 @@ pub fn leveled(
     Ok(true)
 }
 
+/// How much the colours of the views differ on a mesh: the mean, over points that several views see, of their standard deviation. `None`
+/// where no point tells.
+pub fn disagreement(
+    subject: &Subject,
+    mesh: &Mesh,
+    settings: &Settings,
+    renderer: &mut Renderer,
+) -> Result<Option<f64>> {
+    let sights = sights(subject, mesh, settings, renderer)?;
+    let deviation = |sights: &[Sight]| {
+        let (colors, count) = (sights.iter().map(|sight| sight.log.exp()), sights.len() as f64);
+        let mean = colors.clone().sum::<DVec3>() / count;
+        (colors.map(|color| (color - mean).length_squared()).sum::<f64>() / (count - 1.0)).sqrt()
+    };
+    let all: Vec<f64> = sights.chunk_by(|a, b| a.point == b.point).map(deviation).collect();
+    Ok((all.len() >= FEWEST).then(|| all.iter().sum::<f64>() / all.len() as f64))
+}
+
 fn sights(subject: &Subject, mesh: &Mesh, settings: &Settings, renderer: &mut Renderer) -> Result<Vec<Sight>> {
     let seen = Seen::of(mesh, &subject.views, settings, renderer)?;
     let surface: Vec<(DVec3, DVec3)> = points(mesh).into_iter().zip(normals(mesh)).collect();

@@ -9,6 +9,7 @@ use crate::{
     seen::Seen,
     setup::Setup,
     subject::{Subject, ViewsOfMesh},
+    width,
 };
 use softras::{Lights, Mesh, Renderer, Result, Settings};
 use softras_io::{Budget, Views};
@@ -73,6 +74,9 @@ impl Fit {
             if !options.keep_cameras && !options.keeps_shape() {
                 refine::refined(&mut subject, &mut notes, renderer)?;
                 subject.move_photographs()?;
+            }
+            if !options.keep_views {
+                width::narrowed(&mut subject, &mut notes, renderer)?;
             }
         }
         if subject.held_out.is_empty() {

@@ -73,6 +73,7 @@ mod texels;
 mod topology;
 mod unseen;
 mod voxel;
+mod width;
 
 pub use atlas::with_atlas;
 pub use cameras::Sphere;

@@ -99,7 +99,8 @@ pub fn refined(subject: &mut Subject, notes: &mut Vec<String>, renderer: &mut Re
     Ok(())
 }
 
-fn settings(subject: &Subject) -> Settings {
+/// The settings of an object's views before its fit.
+pub fn settings(subject: &Subject) -> Settings {
     Settings {
         near: subject.depths.0,
         far: subject.depths.1,

@@ -12,6 +12,8 @@ use softras_io::{Map, Views};
 
 /// Samples along each side of a pixel of views that are rendered.
 const SAMPLES: usize = 3;
+/// Samples of a view: of larger views a pixel has fewer, since an image of more exceeds what every device allows a buffer.
+const MOST_SAMPLES: usize = 8_000_000;
 
 /// Views of an object, and what is known of it besides.
 #[derive(Clone, Debug)]
@@ -76,6 +78,8 @@ impl Subject {
         let bounds = Sphere::around(&mesh);
         let cameras = cameras::around(bounds, options.count, options.fov)?;
         let depths = cameras::depths(&cameras, bounds);
+        let size = (options.size.1 as usize, options.size.0 as usize);
+        let samples = samples(size);
         let settings = Settings {
             sigma: 1e-7,
             near: depths.0,
@@ -88,7 +92,7 @@ impl Subject {
                 depth: options.maps.contains(&Map::Depth),
                 normal: options.maps.contains(&Map::Normal),
             },
-            ..sized(&Settings::default(), (options.size.1 as usize, options.size.0 as usize), SAMPLES)
+            ..sized(&Settings::default(), size, samples)
         };
         let one_color = matches!(mesh.appearance(), Appearance::Uniform(_)) && options.color;
         let lights = options.lights(one_color);
@@ -96,10 +100,10 @@ impl Subject {
         let mut views = Views { cameras, ..Views::default() };
         let cameras = views.cameras.clone();
         parts::in_batches(renderer, &scene, &cameras, &settings, |range, frame| {
-            append(&mut views.silhouette, frame.silhouette().ok())?;
-            append(&mut views.color, frame.color().ok())?;
-            append(&mut views.depth, frame.depth().ok())?;
-            append(&mut views.normal, frame.normal().ok())?;
+            append(&mut views.silhouette, frame.silhouette().ok(), samples)?;
+            append(&mut views.color, frame.color().ok(), samples)?;
+            append(&mut views.depth, frame.depth().ok(), samples)?;
+            append(&mut views.normal, frame.normal().ok(), samples)?;
             range.for_each(|_| done());
             Ok(())
         })?;
@@ -110,10 +114,16 @@ impl Subject {
     }
 }
 
+/// Samples along each side of a pixel of views of a size.
+pub fn samples((height, width): (usize, usize)) -> usize {
+    let fits = |samples: &usize| samples.pow(2).saturating_mul(height).saturating_mul(width) <= MOST_SAMPLES;
+    (1..=SAMPLES).rev().find(fits).unwrap_or(1)
+}
+
 /// Appends views, shrunk to the size of the others.
-fn append(all: &mut Option<Image>, views: Option<&Image>) -> Result<()> {
+fn append(all: &mut Option<Image>, views: Option<&Image>, samples: usize) -> Result<()> {
     let Some(views) = views else { return Ok(()) };
-    let part = pooled(views, SAMPLES)?;
+    let part = pooled(views, samples)?;
     match all {
         Some(all) => {
             all.batch += part.batch;

@@ -35,7 +35,7 @@ impl Written {
 }
 
 impl Outputs {
-    /// Checks that all of these can be written, and that no two are one file. The mesh is written as an OBJ file.
+    /// Checks that all of these can be written, and that no two are one file.
     pub fn new<'a>(
         files: impl IntoIterator<Item = &'a PathBuf>,
         mesh: impl IntoIterator<Item = &'a PathBuf>,
@@ -44,10 +44,10 @@ impl Outputs {
         let mut all: Vec<Written> = Vec::new();
         for (path, is_mesh) in files.chain(mesh.into_iter().map(|path| (path, true))) {
             output::check_writable(path)?;
-            if is_mesh && !path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("obj")) {
-                let what =
-                    format!("{}: meshes are written as OBJ files: give a name that ends in .obj", path.display());
-                return Err(Failure::Usage(what));
+            let has = |ending: &&str| path.extension().is_some_and(|own| own.eq_ignore_ascii_case(ending));
+            if is_mesh && !["obj", "ply", "glb"].iter().any(has) {
+                let what = "not a name of a mesh file to write: give a name that ends in .obj, .ply or .glb";
+                return Err(Failure::Usage(format!("{}: {what}", path.display())));
             }
             let one = Written { given: path.clone(), real: real(path), is_mesh };
             if all.iter().any(|other| other.replaces(&one.real) || one.replaces(&other.real)) {
@@ -100,7 +100,7 @@ mod tests {
         }
         assert!(Outputs::new([&at("a.png"), &at("./a.png")], []).is_err());
         assert!(Outputs::new([&at("a_texture.png")], [&at("a.obj")]).is_err());
-        assert!(Outputs::new([], [&at("a.OBJ")]).is_ok());
+        assert!(Outputs::new([], [&at("a.OBJ")]).is_ok() && Outputs::new([], [&at("a.glb")]).is_ok());
         for name in ["a.stl", "a.obj.png", "obj"] {
             assert!(Outputs::new([], [&at(name)]).is_err(), "{name}");
         }

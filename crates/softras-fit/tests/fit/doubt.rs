@@ -73,6 +73,11 @@ fn a_hole_needs_two_pictures() {
     let due = "5.png: holes, 9 pixels in all, that no other picture looks through are filled";
     assert_eq!(notes(pierced(&[5]), &mut renderer), [due]);
     assert_eq!(notes(pierced(&[5, 7]), &mut renderer), [""; 0]);
+    // A speck beside the object.
+    let mut speck = whole.clone();
+    (0..9).for_each(|i| masks(&mut speck).data[(5 * 64 + 5 + i / 3) * 64 + 5 + i % 3] = 1.0);
+    let due = "5.png: specks, 9 pixels in all, that the other pictures leave no room for are taken away";
+    assert_eq!(notes(speck, &mut renderer), [due]);
     // A hole that the object has.
     let torus = shapes::torus(0.7, 0.25, 48, 24).unwrap();
     let seen = views(&mut renderer, &torus, around(12), (64, 64));

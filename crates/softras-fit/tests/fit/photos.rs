@@ -120,7 +120,7 @@ fn large_pictures_are_cropped_and_give_sharp_textures() {
 #[test]
 fn cameras_in_pixels_are_those_with_an_angle() {
     let mut renderer = renderer();
-    let angles = colored(&mut renderer, around(6), 32, |p| p.map(|x| 0.4 + 0.3 * x));
+    let angles = colored(&mut renderer, around(8), 32, |p| p.map(|x| 0.4 + 0.3 * x));
     let mut pixels = angles.clone();
     for camera in &mut pixels.cameras {
         let Projection::Perspective { fov_y } = *camera.projection() else { unreachable!() };
@@ -169,6 +169,27 @@ fn exposures_that_differ_are_leveled() {
     let (clean, kept, leveled) = (found(&good, false), found(&off, true), found(&off, false));
     assert!(!clean.1 && !kept.1 && leveled.1);
     assert!(leveled.0 < 1.2 * clean.0 && kept.0 > 2.0 * clean.0, "{clean:?} {kept:?} {leveled:?}");
+}
+
+#[test]
+fn masks_that_are_wider_than_the_object_are_narrowed_by_colours() {
+    let mut renderer = renderer();
+    let squares = |p: [f32; 3]| p.map(|x| if (9.0 * x).rem_euclid(2.0) < 1.0 { 0.8 } else { 0.2 });
+    let good = colored(&mut renderer, around(12), 96, squares);
+    let mut wide = good.clone();
+    let distances = softras_fit::signed_distance(good.silhouette.as_ref().unwrap()).unwrap();
+    let (mask, color) = (wide.silhouette.as_mut().unwrap(), wide.color.as_mut().unwrap());
+    for (pixel, _) in distances.data.iter().enumerate().filter(|(_, d)| (-2.5 / 48.0..0.0).contains(*d)) {
+        mask.data[pixel] = 1.0;
+        color.data[3 * pixel..3 * pixel + 3].copy_from_slice(&[0.3; 3]);
+    }
+    let mut found = |views: &Views| {
+        let fitted = run(views, 5, |_| (), &mut renderer);
+        let volume = Voxels::new(&fitted.mesh, [-1.0; 3], 2.0, 64).unwrap().volume();
+        (volume, fitted.notes.iter().any(|note| note.contains("wider than the object")))
+    };
+    let (clean, narrowed) = (found(&good), found(&wide));
+    assert!(!clean.1 && narrowed.1 && (narrowed.0 / clean.0 - 1.0).abs() < 0.05, "{clean:?} {narrowed:?}");
 }
 
 #[test]

@@ -40,7 +40,7 @@ pub struct FitArgs {
     /// Render the target images from this mesh
     #[arg(long, value_name = "MESH")]
     pub from: Option<PathBuf>,
-    /// The mesh to write: .obj
+    /// The mesh to write: .obj, .ply or .glb
     #[arg(short, long = "out", value_name = "FILE")]
     pub out: PathBuf,
     /// Fit colours: texels of a textured template, else a colour for each vertex

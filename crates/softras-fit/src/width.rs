@@ -1,0 +1,77 @@
+//! Masks that are wider than the object by some pixels in all views, as thresholds and dilation leave them.
+//!
+//! Outlines alone do not show it: a larger object would have them. Colours do. Points of a surface that lies before that of the object
+//! have another colour in each view.
+
+use crate::{
+    begin::samples, cameras, evened, exposure::disagreement, hull::wide_hull, refine::settings, signed_distance,
+    subject::Subject,
+};
+use softras::{Renderer, Result};
+use softras_io::Views;
+
+/// Views from which on a hull is near enough to the object.
+const FEWEST: usize = 8;
+/// The most pixels that masks are narrowed by, and the steps in which that is looked for.
+const MOST: f64 = 6.0;
+const STEP: f64 = 0.5;
+/// Masks are narrowed if colours then differ by at most this share.
+const MOST_LEFT: f64 = 0.8;
+/// Edges of the hull, in pixels.
+const EDGE: f64 = 2.0;
+
+/// Narrows the masks of all views by as many pixels as make the colours agree best on their hull, and notes it.
+pub fn narrowed(subject: &mut Subject, notes: &mut Vec<String>, renderer: &mut Renderer) -> Result<()> {
+    if subject.views.color.is_none() || subject.views.cameras.len() < FEWEST {
+        return Ok(());
+    }
+    let differ = |by: f64, renderer: &mut Renderer| -> Result<Option<f64>> {
+        let (height, width) = subject.views.size()?;
+        let ((center, side), pixel) = (subject.cube(), subject.pixel);
+        let hull = wide_hull(&subject.views, center, side, samples(height.min(width)), -by * pixel);
+        let Ok(Some(hull)) = hull else { return Ok(None) };
+        disagreement(subject, &evened(&hull, EDGE * pixel)?, &settings(subject), renderer)
+    };
+    let Some(given) = differ(0.0, renderer)? else { return Ok(()) };
+    let (mut best, mut by) = ((given, 0.0), 1.0);
+    while by <= MOST
+        && let Some(left) = differ(by, renderer)?
+        && left < best.0
+    {
+        (best, by) = ((left, by), by + 1.0);
+    }
+    for by in [best.1 - STEP, best.1 + STEP].into_iter().filter(|by| *by > STEP) {
+        best = differ(by, renderer)?.filter(|left| *left < best.0).map_or(best, |left| (left, by));
+    }
+    let (left, by) = best;
+    if by == 0.0 || left > MOST_LEFT * given {
+        return Ok(());
+    }
+    let pixel = subject.pixel;
+    narrow(&mut subject.views, by)?;
+    if let Some(photographs) = &mut subject.photographs {
+        let own = cameras::pixel(&photographs.cameras, subject.bounds.center, photographs.size()?);
+        narrow(photographs, by * pixel / own)?;
+    }
+    notes.push(format!(
+        "the masks are wider than the object: narrowed by {by} pixels, the colours of the views differ by {left:.3} on their hull, before by \
+         {given:.3}"
+    ));
+    Ok(())
+}
+
+/// Takes so many pixels off the masks' rims, and their colours.
+fn narrow(views: &mut Views, by: f64) -> Result<()> {
+    let Some(silhouettes) = &mut views.silhouette else { return Ok(()) };
+    let distances = signed_distance(silhouettes)?;
+    let unit = 0.5 * silhouettes.height as f64;
+    for (pixel, (value, distance)) in silhouettes.data.iter_mut().zip(&distances.data).enumerate() {
+        let inside = (0.5 + f64::from(*distance) * unit - by).clamp(0.0, 1.0) as f32;
+        if inside < *value {
+            let color = views.color.as_mut().map(|color| &mut color.data[3 * pixel..3 * pixel + 3]);
+            color.into_iter().flatten().for_each(|x| *x *= inside / *value);
+            *value = inside;
+        }
+    }
+    Ok(())
+}
