@@ -53,7 +53,7 @@ pub fn begin(
         return bad("other triangles for a textured template", "leave out subdivision and remeshing");
     }
     if options.keeps_shape() && (subject.views.depth.is_some() || subject.views.normal.is_some()) {
-        let what = "depths or normals for a textured template, of which a texture fits the texels alone";
+        let what = "depths or normals, but only the texels of the textured template are fitted";
         return bad(what, "leave them out, or fit colours in place of a texture");
     }
     let one_color = subject.one_color && !own && options.color;
@@ -108,7 +108,7 @@ fn hull(
             }
             let (mesh, hollows) = dug(hull, edge, &targets, subject, renderer)?;
             if hollows > 0 {
-                notes.push(format!("by the light, the hull covers {hollows} hollow(s), which the fit begins with"));
+                notes.push(format!("the shading shows {hollows} hollow(s) in the hull: the fit begins with them"));
             }
             Ok(Some(mesh))
         }

@@ -99,7 +99,7 @@ pub fn seen(views: &Views) -> Result<Sphere> {
     let away = cameras.iter().filter(|camera| camera.to_view(center).z <= 0.0).count();
     if 2 * away > cameras.len() {
         return bad(
-            format!("{away} of {} cameras look away from where they all look", cameras.len()),
+            format!("{away} of {} cameras look away from the others' target", cameras.len()),
             "give matrices from world to view with x to the right, y up and z into the picture; OpenCV's have y down, OpenGL's z out of it",
         );
     }

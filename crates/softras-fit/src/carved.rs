@@ -47,7 +47,7 @@ pub fn carved(
     mend(&mut grid);
     match grid.mesh()? {
         Some(new) => colored(new, mesh, &old),
-        None => bad("a mesh of which the silhouettes leave nothing", "begin with a mesh that lies within them"),
+        None => bad("no part of the mesh is in all silhouettes", "begin with a mesh that lies within them"),
     }
 }
 

@@ -58,7 +58,7 @@ pub fn leveled(
     let photographs = subject.photographs.as_mut().and_then(|views| views.color.as_mut());
     subject.views.color.as_mut().into_iter().chain(photographs).for_each(level);
     let [low, high] = [low, high].map(f64::exp);
-    notes.push(format!("the pictures' exposures differ: they are leveled, by gains from {low:.2} to {high:.2}"));
+    notes.push(format!("the pictures' exposures differ: colours are divided by gains of {low:.2} to {high:.2}"));
     Ok(true)
 }
 

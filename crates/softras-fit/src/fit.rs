@@ -255,7 +255,7 @@ impl Fitting {
         if self.setup.given.preset == Preset::Official && self.setup.given.has_new_triangles() {
             return bad(
                 "the official parametrization after --subdivide-at or --remesh-at",
-                "it cannot be taken up: leave out one of them",
+                "such a fit cannot resume: leave out one",
             );
         }
         let mesh = self.setup.resumed(step, mesh)?;

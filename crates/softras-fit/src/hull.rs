@@ -72,7 +72,7 @@ pub(super) fn hull(views: &[View<'_>], center: [f64; 3], side: f64, resolution: 
     carve(&mut coarse, views, slack, View::outline_distance);
     let Some((low, high)) = inside(&coarse) else {
         let fix = "check that every camera belongs to its picture, and that the object is in all of them";
-        return bad("silhouettes that no solid has", fix);
+        return bad("no solid fits the silhouettes", fix);
     };
     // Two samples more on each side than the hull takes.
     let side = (high - low).max_element() * (1.0 + 4.0 / resolution as f64);

@@ -119,7 +119,7 @@ impl Painted {
     /// What was made, in a sentence.
     pub fn sentence(&self) -> String {
         let Self { side, texel, errors, .. } = self;
-        let longer = if *texel > TEXEL { ", as many as the texture may have" } else { "" };
+        let longer = if *texel > TEXEL { ", limited by the texture's size" } else { "" };
         let error = |error: Option<f64>| error.map_or("unknown".into(), |error| format!("{error:.4}"));
         let [before, after] = errors.map(error);
         format!(

@@ -70,7 +70,7 @@ impl Found {
     fn reasons(&self, fitted: &[usize]) -> String {
         let mut reasons = self.unseen.reasons(|view| fitted[view]);
         if self.overlap > GROSS {
-            reasons.push(format!("lies in itself by {:.0} % of its solid", 100.0 * self.overlap));
+            reasons.push(format!("overlaps itself in {:.0} % of its volume", 100.0 * self.overlap));
         }
         reasons.join(" and ")
     }
@@ -219,6 +219,6 @@ mod tests {
         let folded = found(&[], 2.0 * GROSS, 0.9);
         assert!(folded.is_wrong() && found(&[], 0.5 * GROSS, 0.9).replaces(&folded));
         assert!(!found(&[2], 0.0, 0.95).replaces(&folded) && !found(&[], 0.0, 0.9).is_wrong());
-        assert_eq!(folded.reasons(&[]), "lies in itself by 4 % of its solid");
+        assert_eq!(folded.reasons(&[]), "overlaps itself in 4 % of its volume");
     }
 }

@@ -93,8 +93,8 @@ pub fn refined(subject: &mut Subject, notes: &mut Vec<String>, renderer: &mut Re
     }
     let (mean, after) = (motions.mean(), after.unwrap_or_default());
     notes.push(format!(
-        "the cameras were off: refined, they move the object by {mean:.1} pixels in the mean, and the hull by them lies {after:.1} pixels \
-         within the silhouettes, before {off:.1}"
+        "the cameras were off and are now refined: the object moved by {mean:.1} pixels (mean), and the hull lies {after:.1} pixels \
+         inside the silhouettes, before {off:.1}"
     ));
     Ok(())
 }

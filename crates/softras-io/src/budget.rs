@@ -53,7 +53,7 @@ impl Budget {
         let claimed = self.claimed.get().saturating_add(bytes);
         if claimed > self.most.get() {
             let [bytes, left] = [bytes, self.most.get() - self.claimed.get()].map(mebibytes);
-            let what = format!("{what} takes about {bytes} of memory, and {left} of the memory for files are left");
+            let what = format!("{what} needs about {bytes} of memory, but only {left} is left for files");
             return Err(fault(path, what, "allow more with --memory, or give less"));
         }
         self.claimed.set(claimed);
@@ -84,7 +84,7 @@ mod tests {
         assert!(budget.claim(file, "it", 600).is_ok());
         let refused = budget.claim(file, "key `x`", 401).map_err(|error| error.to_string());
         assert!(
-            refused.is_err_and(|text| text.contains("a.npz: key `x` takes about 1 MiB") && text.contains("--memory"))
+            refused.is_err_and(|text| text.contains("a.npz: key `x` needs about 1 MiB") && text.contains("--memory"))
         );
         assert!(budget.claim(file, "it", 400).is_ok() && budget.claim(file, "it", u64::MAX).is_err());
     }

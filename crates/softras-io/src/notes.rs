@@ -73,8 +73,7 @@ impl Notes {
                 path: path(note),
                 line: note.line,
                 what: note.what.clone(),
-                fix: "correct the file, or read it without `strict` (--strict in the command), which draws the rest"
-                    .into(),
+                fix: "correct the file, or leave out `strict` (--strict in the command) to draw the rest".into(),
             }),
             _ => {
                 let last = (self.more > 0).then(|| format!("and {} notes more", self.more));

@@ -76,7 +76,7 @@ pub fn decode<R: BufRead + Seek>(
 fn make_room(width: u32, height: u32, most: u64) -> std::result::Result<(), String> {
     let pixels = u64::from(width) * u64::from(height);
     if pixels > most {
-        let fix = "scale the images down, or save them with more detail";
+        let fix = "scale the images down, or compress them less";
         return Err(format!("{width}×{height} pixels are more than the {most} allowed for a file of its size ({fix})"));
     }
     input::room_for("a texture", pixels * BYTES_PER_PIXEL).map_err(|error| error.to_string())

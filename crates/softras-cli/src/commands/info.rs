@@ -14,7 +14,7 @@ use std::path::PathBuf;
 /// Tell what a mesh file holds: parts, bounds, colours, textures, notes
 #[derive(Args, Debug)]
 #[command(after_help = "\
-Notes tell what of the file is not drawn. --strict fails where there is one.
+Notes name what is not drawn. With --strict any note is an error.
 
 Examples:
   softras info spot.obj

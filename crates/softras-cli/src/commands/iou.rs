@@ -55,7 +55,7 @@ pub fn run(args: &IouArgs) -> Result<(), Failure> {
 fn load(args: &IouArgs, path: &Path, budget: &Budget) -> Result<Loaded, Failure> {
     let loaded = args.read.read(path, false, &Outputs::default(), budget)?;
     if !is_closed(&loaded.mesh)? {
-        note(&format!("{} is not closed: its inside is where most rays say so", path.display()));
+        note(&format!("{} is not closed: rays vote on what is inside", path.display()));
     }
     Ok(loaded)
 }

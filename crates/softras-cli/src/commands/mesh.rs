@@ -21,7 +21,7 @@ pub struct MeshArgs {
     /// N times as many triangles along and around, for fish and torus
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=16))]
     pub detail: u32,
-    /// The file to write: .obj, with materials and textures beside it
+    /// The file to write: .obj with its materials and textures, .ply or .glb
     #[arg(short, long = "out", value_name = "FILE")]
     pub out: PathBuf,
 }

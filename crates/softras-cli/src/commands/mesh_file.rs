@@ -13,10 +13,10 @@ use std::path::Path;
 #[derive(Args, Clone, Copy, Debug)]
 #[command(next_help_heading = "Input and device")]
 pub struct ReadArgs {
-    /// Read materials and pictures outside the folder that names them, too
+    /// Also read materials and pictures outside the input file's folder
     #[arg(long)]
     pub allow_outside: bool,
-    /// Refuse a mesh file of which something cannot be drawn
+    /// Refuse a mesh file that cannot be drawn completely
     #[arg(long)]
     pub strict: bool,
     /// The most memory for input files, and again for frames: 512M, 8G

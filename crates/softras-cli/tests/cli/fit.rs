@@ -181,7 +181,7 @@ fn a_texture_is_fitted_and_rendered() {
     let seen = difference("found_seen.png", "painted_seen.png");
     assert!(seen < 0.2 * difference("grey_seen.png", "painted_seen.png"), "{seen}");
     let depths = "fit --from painted.obj --template grey.obj --texture --also depth -o x.obj --views 2";
-    fails(folder.path(), &words(depths), 2, &["--texture", "texels alone", "--color"]);
+    fails(folder.path(), &words(depths), 2, &["--texture", "only texels", "--color"]);
 }
 
 #[test]

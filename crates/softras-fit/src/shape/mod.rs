@@ -317,7 +317,7 @@ impl ShapeFit {
             && optimizers.1.restore(&state.color_optimizer);
         if !fits {
             return bad(
-                "a saved state of another fit, or with numbers that no fit has",
+                "a saved state of another fit, or with invalid numbers",
                 "resume with the template and the options it was begun with",
             );
         }

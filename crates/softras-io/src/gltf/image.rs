@@ -129,7 +129,7 @@ pub(super) fn look(source: &mut Source, root: &json::Root, index: Option<usize>)
     let mut glow = if is_unlit { [0.0; 3] } else { glow };
     let mut map = pbr.base_color_texture.as_ref().map(Map::of);
     if glow != [0.0; 3] {
-        source.notes.count(None, "emitted light is drawn as colour, which lamps shade: --unlit shows it as it is");
+        source.notes.count(None, "emitted light is drawn as a colour that is shaded: --unlit shows it as it is");
         let emitted = material.emissive_texture.as_ref().map(Map::of);
         match (&mut map, emitted) {
             (_, None) => {}

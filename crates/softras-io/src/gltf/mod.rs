@@ -146,7 +146,7 @@ impl Soup {
         };
         let most = document.held.max(MAX_DRAWN);
         if self.triangles.len() + corners.len() > most || start + count > most {
-            return Err(format!("more than {most} vertices or triangles, because meshes are drawn several times"));
+            return Err(format!("repeated meshes have more than {most} vertices or triangles in all"));
         }
         if let Some(corner) = corners.iter().find(|&&corner| corner as usize >= count) {
             return Err(format!("vertex index {corner} but there are {count}"));

@@ -52,7 +52,7 @@ pub const PROPERTIES: &Fates = &[
     ("materials.normalTexture", NotDrawn("normal maps are not drawn")),
     (
         "materials.emissiveFactor materials.emissiveTexture",
-        Approximated("emitted light is drawn as colour, which lamps shade"),
+        Approximated("emitted light is drawn as a colour that is shaded"),
     ),
     ("samplers.magFilter", Approximated("textures are drawn smoothly, not by the nearest texel")),
     ("extensions.KHR_meshopt_compression", NotDrawn(UNPACK)),
@@ -173,7 +173,7 @@ impl Walk {
         let text = match fate {
             Some(NotDrawn(text)) => text,
             Some(_) => return,
-            None => "softras does not know it, so that it is not drawn",
+            None => "softras does not know it and does not draw it",
         };
         // A broken file may hold any number of names.
         if self.found.len() < 32 || self.found.contains_key(text) {

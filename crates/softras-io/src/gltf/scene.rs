@@ -79,7 +79,7 @@ fn visit<'a>(
         let node = root.nodes.get(index).ok_or_else(|| format!("node {index} but there are {}", root.nodes.len()))?;
         visits += 1;
         if visits > MOST_VISITS + root.nodes.len() {
-            return Err("its nodes are drawn for too many parents".into());
+            return Err("its nodes have too many parents in all".into());
         }
         if std::mem::replace(&mut is_above[index], true) {
             source.notes.count(None, "a node that is its own descendant is drawn once");

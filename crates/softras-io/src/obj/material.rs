@@ -21,7 +21,7 @@ use std::{
 /// What becomes of each statement.
 pub const STATEMENTS: &Fates = &[
     ("newmtl Kd d Tr map_Kd map_d", Drawn),
-    ("Ke", Approximated("emitted light is drawn as colour, which lamps shade")),
+    ("Ke", Approximated("emitted light is drawn as a colour that is shaded")),
     ("map_Ke", NotDrawn("textures of emitted light are not drawn")),
     ("map_Bump map_bump bump", NotDrawn("bump maps are not drawn")),
     ("norm map_Kn", NotDrawn("normal maps are not drawn")),

@@ -354,7 +354,7 @@ impl Parser<'_> {
         }
         let has_uvs = with_uv == arity;
         if !has_uvs && with_uv > 0 {
-            self.notes.count(statement.line, "faces with texture coordinates at some corners only have none");
+            self.notes.count(statement.line, "faces with texture coordinates at only some corners lose them");
             self.obj.uv_corners[start..].fill(0);
         }
         self.obj.faces.push(Face { line: statement.line, material: self.material, has_uvs, arity });
@@ -378,7 +378,7 @@ impl Parser<'_> {
         };
         let Some(uv) = uv.filter(|uv| !uv.is_empty()) else { return Ok((vertex, None, normal)) };
         if self.totals.uvs == 0 {
-            self.notes.count(line, "texture coordinates that the file names and does not give are left out");
+            self.notes.count(line, "faces name texture coordinates that the file lacks: left out");
             return Ok((vertex, None, normal));
         }
         let uv = index("texture coordinate", uv, self.obj.uvs.len(), self.totals.uvs)?;

@@ -211,7 +211,7 @@ fn arrays(options: &ViewsOptions, path: &Path, budget: &Budget) -> Result<Views>
         return refuse(path, "images in a .npy file have no cameras with them", "give the file of their cameras too");
     };
     if options.depths.is_some() || options.normals.is_some() {
-        let what = "depths and normals have the names of pictures, which a .npy file of images has not";
+        let what = "depth and normal maps are found by picture names, and a .npy file has no names";
         return refuse(path, what, "give a folder of pictures");
     }
     let array = npy::read_file(path, budget)?;
@@ -309,9 +309,7 @@ fn folder(
         budget.count_file(picture.file_bytes);
         claim_pixels(options, budget, &file, picture.pixels())?;
         if let Some(name) = view.mask.take_if(|mask| !path.join(mask).exists()) {
-            missing.get_or_insert_with(|| {
-                format!("{}: not found, so that pictures show their own silhouette", name.display())
-            });
+            missing.get_or_insert_with(|| format!("{}: not found: silhouettes come from the pictures", name.display()));
         }
         if let Some(mask) = view.mask.as_ref().map(|mask| path.join(mask)) {
             check_inside(path, &mask, options.allow_outside)?;
@@ -444,7 +442,7 @@ fn read_cameras(path: &Path, fov: f64, budget: &Budget) -> Result<Vec<Camera>> {
             if let Some(c) = (0..n).find(|&c| matrix(c).determinant() > 0.0) {
                 let what =
                     format!("the matrix of camera {c} mirrors: y points down as OpenCV's, or z backward as OpenGL's");
-                let fix = "give x right, y up and z forward: negate row 1 of OpenCV's, row 2 of OpenGL's, from 0 on";
+                let fix = "give x right, y up and z forward: negate row 1 (OpenCV) or row 2 (OpenGL); rows from 0";
                 return refuse(path, what, fix);
             }
             (0..n).map(|c| Camera::from_matrix(matrix(c), perspective(fov))).collect()

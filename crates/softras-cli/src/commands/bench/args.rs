@@ -41,7 +41,7 @@ pub struct BenchArgs {
     /// Write the rows as one JSON list
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
-    /// Write pictures of time, error and growth (.svg), in some minutes more
+    /// Also plot time, error and growth (.svg); takes some minutes more
     #[arg(long, value_name = "FOLDER")]
     pub plots: Option<PathBuf>,
     #[command(flatten)]
@@ -63,7 +63,7 @@ pub struct FrameArgs {
     /// Softness of edges, (half image heights)²
     #[arg(long, value_parser = parse::positive, default_value_t = 1e-4)]
     pub sigma: f64,
-    /// Softness of the depth order, of far - near
+    /// Depth softness, as a share of far - near
     #[arg(long, value_parser = parse::positive, default_value_t = 1e-4)]
     pub gamma: f64,
     /// Least influence of a triangle on a pixel

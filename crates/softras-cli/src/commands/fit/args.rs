@@ -12,8 +12,8 @@ use std::path::{Path, PathBuf};
 
 const EXAMPLES: &str = "\
 Views are a folder of pictures with their cameras (cameras.json, transforms.json,
-COLMAP's model, cameras.npz, NAME_par.txt), or arrays; see docs/cameras.md. The
-silhouette of a picture without alpha is what is not black. Ctrl-C ends the fit
+COLMAP's model, cameras.npz, NAME_par.txt), or arrays; see docs/cameras.md. In a
+picture without alpha, all non-black pixels are object. Ctrl-C ends the fit
 and writes the best mesh so far.
 
 Examples:
@@ -34,7 +34,7 @@ pub struct FitArgs {
     /// Images: a folder or a .npy file; with --from the number of views
     #[arg(long, value_name = "VIEWS")]
     pub views: Option<String>,
-    /// Cameras of the images [default: what the folder of images has]
+    /// Cameras of the images [default: the camera file in the folder]
     #[arg(long, value_name = "FILE", conflicts_with = "from")]
     pub cameras: Option<PathBuf>,
     /// Render the target images from this mesh
@@ -46,7 +46,7 @@ pub struct FitArgs {
     /// Fit colours: texels of a textured template, else a colour for each vertex
     #[arg(long)]
     pub color: bool,
-    /// Fit a texture, which is made unless the template has one
+    /// Fit the template's texture, or a new one if it has none
     #[arg(long)]
     pub texture: bool,
     /// The mesh to begin with: auto, hull, sphere or a mesh file
@@ -103,13 +103,13 @@ pub struct TargetArgs {
     /// Judge the fit by N views that it does not use [default: an eighth of 12 views or more, at most 3]
     #[arg(long, value_name = "N")]
     pub hold_out: Option<u32>,
-    /// Keep the cameras as given, where views show that they are off
+    /// Do not refine cameras, even where they disagree with views
     #[arg(long)]
     pub keep_cameras: bool,
-    /// Keep colours as they are, where exposures differ
+    /// Do not correct colours where exposures differ
     #[arg(long)]
     pub keep_exposure: bool,
-    /// Most pixels along a side of pictures, which are cropped to the object; 0: leave them
+    /// Crop larger pictures to the object, to at most so many pixels a side; 0: never crop
     #[arg(long, value_name = "PIXELS", default_value_t = 192)]
     pub crop: u32,
     /// Keep views that contradict the others, and holes that one mask shows
@@ -202,7 +202,7 @@ impl FitArgs {
         }
         if official && self.files.resume && self.method.has_new_triangles() {
             return refuse(
-                "--resume: the official parametrisation cannot be taken up after --subdivide-at or --remesh-at",
+                "--resume: the official preset cannot resume with --subdivide-at or --remesh-at: leave one out",
             );
         }
         if official && self.template == "hull" {
@@ -215,7 +215,7 @@ impl FitArgs {
             }
             if self.targets.depths.is_some() || self.targets.normals.is_some() {
                 return refuse(
-                    "--depths, --normals: their files have the names of pictures, which a .npy file of images has not",
+                    "--depths, --normals: maps are found by the pictures' names: give a folder, not a .npy file",
                 );
             }
         }
@@ -234,7 +234,7 @@ impl FitArgs {
         if self.texture
             && (self.targets.depths.is_some() || self.targets.normals.is_some() || !self.targets.also.is_empty())
         {
-            let what = "--texture: of a textured template it fits the texels alone, which depths and normals do not tell: leave out \
+            let what = "--texture: with a textured template it fits only texels, not the shape, so maps do not help: leave out \
                         --also, --depths and --normals, or --texture for --color";
             return Err(Failure::Usage(what.into()));
         }
@@ -247,7 +247,7 @@ impl FitArgs {
             return Ok(());
         }
         let what = "give --views or --from: --views names the pictures to fit to, a folder or a .npy file, and --from a mesh \
-                    that pictures are rendered of";
+                    to render pictures of";
         Err(Failure::Usage(what.into()))
     }
 
@@ -283,7 +283,7 @@ pub struct MethodArgs {
     /// Begin with a sphere of so many subdivisions [default: 3]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=7))]
     pub subdivisions: Option<u32>,
-    /// Step length, or from the first to the last: 0.02..0.002
+    /// Step length: one number, or FIRST..LAST: 0.02..0.002
     #[arg(long, value_name = "RATE", value_parser = range)]
     pub rate: Option<(f64, f64)>,
     /// Step length of the colours
@@ -310,7 +310,7 @@ pub struct MethodArgs {
     /// Compare N views in each step, cycling through all of them
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub views_per_step: Option<u32>,
-    /// λ of (I + λ L)⁻¹, which smooths steps [default: 5 or 2]
+    /// λ of (I + λL)⁻¹, smooths steps [default: 5; 2 if lit]
     #[arg(long, value_name = "LAMBDA", value_parser = parse::positive)]
     pub smoothing: Option<f64>,
     /// Weight of the Laplacian regulariser
@@ -334,7 +334,7 @@ pub struct MethodArgs {
     /// Split every triangle into four before these steps
     #[arg(long, value_name = "STEPS", value_delimiter = ',')]
     pub subdivide_at: Vec<u32>,
-    /// How it splits: midpoint, or rounder by loop
+    /// How to split: midpoint, or loop (rounder)
     #[arg(
         long,
         value_enum,

@@ -21,7 +21,7 @@ Examples:
   softras grad fish.obj --target target.png -o grad.png
   softras grad fish.obj --target target.png -o grad.png --blur 30 --json";
 
-/// Draw the gradient of a loss against a target image by the vertices
+/// Compare with a target image and draw the gradient at the vertices
 #[derive(Args, Debug)]
 #[command(after_help = EXAMPLES, allow_negative_numbers = true)]
 pub struct GradArgs {

@@ -161,19 +161,19 @@ pub struct LookArgs {
     /// #rrggbb, a CSS name, or linear r,g,b [default: transparent]
     #[arg(long, value_name = "COLOUR", value_parser = parse::rgb, help_heading = Resettable::Reset)]
     pub background: Option<parse::Rgb>,
-    /// Average N×N samples for a pixel [default: 3; 1 with softness]
+    /// N×N samples a pixel [default: 3; 1 with --sigma or --blur]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=8))]
     pub samples: Option<u32>,
     /// Softness of edges, (half heights)² [default: 1.23 pixels of blur]
     #[arg(long, value_parser = parse::positive)]
     pub sigma: Option<f64>,
-    /// Softness of edges, as the pixels that a triangle reaches beyond them
+    /// Softness of edges: pixels that a triangle reaches beyond its edges
     #[arg(long, value_name = "PIXELS", value_parser = parse::positive, conflicts_with = "sigma")]
     pub blur: Option<f64>,
-    /// Softness of the depth order, of far - near
+    /// Depth softness, as a share of far - near
     #[arg(long, value_parser = parse::positive, default_value_t = 3e-6)]
     pub gamma: f64,
-    /// Score of the background, if it is weighted
+    /// Depth score of a weighted background
     #[arg(long, value_parser = parse::number, allow_hyphen_values = true, default_value_t = 1e-3)]
     pub epsilon: f64,
     /// Least influence of a triangle on a pixel
@@ -230,7 +230,7 @@ pub struct LightArgs {
     /// Draw colours without light
     #[arg(long, conflicts_with_all = ["ambient", "light"])]
     pub unlit: bool,
-    /// flat: a normal for each triangle; smooth: a vertex
+    /// flat: a normal per triangle; smooth: per vertex
     #[arg(long, value_enum, value_name = "SHADING", default_value = "smooth", hide_possible_values = true)]
     pub shading: Shading,
 }
@@ -272,10 +272,10 @@ pub struct ModeArgs {
     /// Distance: euclidean, barycentric or hard
     #[arg(long, value_enum, value_name = "MODE", default_value = "euclidean", hide_possible_values = true)]
     pub distance_mode: DistanceMode,
-    /// Over a triangle: perspective or affine
+    /// Interpolation: perspective or affine
     #[arg(long, value_enum, value_name = "MODE", default_value = "perspective", hide_possible_values = true)]
     pub interpolation: Interpolation,
-    /// Where it is sampled outside: nearest or clip
+    /// Outside a triangle, sample: nearest or clip
     #[arg(long, value_enum, value_name = "MODE", default_value = "nearest", hide_possible_values = true)]
     pub surface_point: SurfacePoint,
 }

@@ -23,7 +23,7 @@ use tally::Tally;
 Every scene is rendered and differentiated twice. It passes if it is refused
 with an error that says why, or if every value is finite and in its range, both
 runs have the same bits, and the model in f64 agrees where accuracy is promised.
-What is wrong is printed with the seed of its scene; the exit code is then 1.
+A fault is printed with the seed of its scene; the exit code is then 1.
 
 Examples:
   softras stress --cases 20000 --seed 1
@@ -38,7 +38,7 @@ pub struct StressArgs {
     /// The seed of the first scene; others follow
     #[arg(long, value_name = "S", default_value_t = 1)]
     seed: u64,
-    /// Combinations of modes, each of which is compiled
+    /// Number of combinations of modes to compile
     #[arg(long, value_name = "N", default_value_t = FORMS as u64, value_parser = clap::value_parser!(u64).range(1..=FORMS as u64))]
     forms: u64,
     /// Render N scenes of one size at once; one is checked with f64
@@ -59,13 +59,13 @@ pub struct StressArgs {
     /// Draw the error of images by sigma and gamma: .svg
     #[arg(long, value_name = "FILE", value_parser = parse::file_ending("svg"))]
     map: Option<PathBuf>,
-    /// First render N small frames: the same bits, and no more memory
+    /// First render N small frames: bits and memory must not change
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     load: Option<u64>,
     /// Number of renderers in each thread of --load, which take turns
     #[arg(long, value_name = "N", default_value_t = 1, requires = "load", value_parser = clap::value_parser!(u64).range(1..=64))]
     renderers: u64,
-    /// Print the first scene that is wrong, with as few triangles as show it
+    /// Print the first wrong scene, reduced to the fewest triangles
     #[arg(long)]
     shrink: bool,
     /// Print one JSON object

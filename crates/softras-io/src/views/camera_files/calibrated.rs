@@ -38,7 +38,7 @@ pub(super) fn middlebury(path: &Path) -> Result<Vec<Entry>> {
         views.push(Entry::new(file, place, view, lens));
     }
     if count != Some(views.len()) {
-        let what = format!("{} pictures, which the first line does not say", views.len());
+        let what = format!("{} pictures, but the first line says otherwise", views.len());
         return refuse(path, what, "begin with the number of pictures");
     }
     Ok(views)

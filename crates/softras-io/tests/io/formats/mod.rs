@@ -142,7 +142,7 @@ fn nodes_place_and_repeat_meshes() {
     let many: Vec<_> = (0..50).map(|_| json!({ "mesh": 0 })).collect();
     root["nodes"] = json!(many);
     root.as_object_mut().unwrap().remove("scenes");
-    assert_refused(read(&folder, "mesh.glb", &glb(&root, &binary)), &["several times"]);
+    assert_refused(read(&folder, "mesh.glb", &glb(&root, &binary)), &["repeated meshes"]);
 }
 
 #[test]
