@@ -26,7 +26,7 @@
 //! # fn main() -> softras::Result<()> {
 //! let mut renderer = Renderer::new()?;
 //! // Views of a mesh; `Views::open` reads photographs.
-//! let views = ViewsOfMesh { count: 6, size: (32, 32), ..ViewsOfMesh::default() };
+//! let views = ViewsOfMesh { count: 8, size: (32, 32), ..ViewsOfMesh::default() };
 //! let mut fit = Fit::of_mesh(shapes::torus(0.7, 0.3, 24, 12)?, &views, &mut renderer)?.color();
 //! fit.options.iterations = Some(4);
 //! let fitted = fit.run(&mut renderer, |_| ControlFlow::Continue(()))?;

@@ -15,7 +15,7 @@ const MOST_HELD_OUT: usize = 3;
 /// The mesh that a fit begins with.
 #[derive(Clone, Debug, Default)]
 pub enum Template {
-    /// A hull from six views on, and else a sphere.
+    /// A hull from eight views on, and else a sphere.
     #[default]
     Auto,
     /// The largest solid that has the silhouettes, with its holes and parts.

@@ -40,7 +40,7 @@ pub fn tier<T>(quick: T, full: T) -> T {
 }
 
 /// The pages whose commands are tests.
-pub const PAGES: [&str; 3] = ["README.md", "docs/index.md", "docs/fit.md"];
+pub const PAGES: [&str; 4] = ["README.md", "docs/index.md", "docs/fit.md", "docs/photos.md"];
 
 /// The text of a page.
 pub fn page(name: &str) -> String {

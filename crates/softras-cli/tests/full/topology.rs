@@ -8,7 +8,7 @@ fn json(path: &std::path::Path) -> Value {
     serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap()
 }
 
-/// From six views on a fit begins with the hull, which has the torus's hole; a sphere has not, and that is told.
+/// From eight views on a fit begins with the hull, which has the torus's hole; a sphere has not, and that is told.
 #[test]
 fn a_fit_begins_with_the_hull_and_tells_what_it_has_not_found() {
     let folder = tempfile::tempdir().unwrap();

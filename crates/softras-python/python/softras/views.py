@@ -137,7 +137,7 @@ class Views:
         """Finds the mesh that looks like the views, as `softras fit` does.
 
         `color` fits a colour for each vertex, `texture` a texture of at most so many texels a side. The fit begins with `template`, or
-        with `begin`: a "hull", a "sphere", or "auto", a hull from six views on. What is None is chosen by the method and by what it
+        with `begin`: a "hull", a "sphere", or "auto", a hull from eight views on. What is None is chosen by the method and by what it
         begins with. Views that do not agree with the others are left out, and holes that one mask alone shows filled, each with a note,
         unless `keep_views`. Cameras that the silhouettes show to be off are refined, with a note, unless `keep_cameras`. Exposures
         that differ are leveled unless `keep_exposure`. Pictures are cropped to the object and have at most `crop` pixels a side; 0
