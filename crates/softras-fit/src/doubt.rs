@@ -226,7 +226,7 @@ fn fill(views: &mut Views, bounds: Sphere, notes: &mut Vec<String>) -> Result<()
         specked.push(paint(mask, &specks[view], is_speck, 0.0, size));
     }
     let told = [
-        (pierced, "holes", "that no other picture looks through are filled"),
+        (pierced, "holes", "that too few other pictures look through are filled"),
         (specked, "specks", "that the other pictures leave no room for are taken away"),
     ];
     for (pixels, what, why) in told {

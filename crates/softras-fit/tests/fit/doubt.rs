@@ -70,7 +70,7 @@ fn a_hole_needs_two_pictures() {
         }
         pierced
     };
-    let due = "5.png: holes, 9 pixels in all, that no other picture looks through are filled";
+    let due = "5.png: holes, 9 pixels in all, that too few other pictures look through are filled";
     assert_eq!(notes(pierced(&[5]), &mut renderer), [due]);
     assert_eq!(notes(pierced(&[5, 7]), &mut renderer), [""; 0]);
     // A speck beside the object.

@@ -124,10 +124,7 @@ fn subject(
     let mesh = super::held(mesh, renderer)?;
     let one_color = matches!(mesh.appearance(), Appearance::Uniform(_)) && args.color && !args.texture;
     if one_color && args.targets.shading.is_none() {
-        note(
-            "the mesh has one colour, so its views are lit (--shading none turns the light off)
-",
-        );
+        note("the mesh has one colour, so its views are lit (--shading none turns the light off)");
     }
     let progress = Progress::counted("view", count);
     let mut subject = Subject::rendered(mesh, &args.views_of_mesh(count), renderer, || progress.step())?;
