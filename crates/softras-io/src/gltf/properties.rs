@@ -5,6 +5,7 @@ use super::document::UNPACK;
 use crate::{
     fate::{self, Approximated, Drawn, Fate, Fates, NotDrawn, Silent},
     source::Source,
+    text,
 };
 use serde_json::Value;
 use std::collections::{BTreeMap, HashMap};
@@ -154,7 +155,8 @@ impl Walk {
                 match value {
                     Value::Array(all) => {
                         for (i, one) in all.iter().enumerate() {
-                            let name = one["name"].as_str().map_or(String::new(), |name| format!(" {name:.40?}"));
+                            let name =
+                                one["name"].as_str().map_or(String::new(), |name| format!(" \"{}\"", text::name(name)));
                             self.object(one, path, &format!("[{i}]{name}"));
                         }
                     }
