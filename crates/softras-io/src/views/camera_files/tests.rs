@@ -93,14 +93,17 @@ fn points_project_by_transforms() {
         frame(""),
         frame("\"fl_x\": 70, \"fl_y\": 70, \"sharpness\": 3.5,")
     );
-    let by_angle = format!(r#"{{"camera_angle_x": 0.8, "frames": [{}]}}"#, frame("\"rotation\": 0.01,"));
+    let [far, near] = ["\"rotation\": 0.01,", "\"camera_angle_x\": 0.6,"].map(frame);
+    let by_angle = format!(r#"{{"camera_angle_x": 0.8, "frames": [{far}, {near}]}}"#);
     let pixels = cameras(&[("transforms.json", &by_pixels)]).unwrap();
     let angle = cameras(&[("transforms.json", &by_angle)]).unwrap();
-    let focal = 30.0 / 0.4f64.tan();
+    let focal = [0.4f64, 0.3].map(|half| 30.0 / half.tan());
     for p in POINTS {
         assert_close(by_camera(&pixels[0], p), by_intrinsics(in_camera(p), LENS));
         assert_close(by_camera(&pixels[1], p), by_intrinsics(in_camera(p), [70.0, 70.0, 28.0, 23.0]));
-        assert_close(by_camera(&angle[0], p), by_intrinsics(in_camera(p), [focal, focal, 30.0, 20.0]));
+        for (camera, f) in angle.iter().zip(focal) {
+            assert_close(by_camera(camera, p), by_intrinsics(in_camera(p), [f, f, 30.0, 20.0]));
+        }
     }
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("transforms.json"), by_angle).unwrap();
@@ -191,6 +194,9 @@ fn malformed_files_are_refused_by_their_place() {
         (nerf("\"fl_x\": \"50\",", ""), "at fl_x: invalid type: string"),
         (nerf("\"k3\": 0.1,", ""), "distortion"),
         (nerf("\"is_fisheye\": true,", ""), "distortion"),
+        (nerf("", ", \"is_fisheye\": true"), "distortion"),
+        (nerf("\"mask_path\": \"a\",", ""), "outside of `frames`"),
+        (nerf("", ", \"frames\": [{}]"), "frames within a frame"),
         (nerf("\"fl_x\": 50,", ""), "without a principal point"),
         (nerf("\"camera_angle_x\": 3.2,", ""), "frames[0]: camera_angle_x"),
         (nerf("\"w\": 61, \"h\": 40,", ""), "is 60×40 pixels, and not 61×40"),

@@ -57,13 +57,19 @@ struct Transforms {
 /// The pictures of a transforms.json.
 pub(super) fn read(path: &Path, bytes: &[u8], fov: f64) -> Result<Vec<Entry>> {
     let file: Transforms = json(path, bytes)?;
+    let of_frame = file.file_path.is_some() || file.transform_matrix.is_some() || file.mask_path.is_some();
+    if of_frame || file.frames.iter().any(|frame| !frame.frames.is_empty()) {
+        let what = "a frame outside of `frames`, or frames within a frame";
+        return refuse(path, what, "list file_path, transform_matrix and mask_path of each frame in `frames`");
+    }
     let higher = file.frames.iter().flat_map(|frame| [frame.k3, frame.k4]).chain([file.k3, file.k4]);
     let distorted = higher.flatten().any(|k| k != 0.0);
     let models = file.frames.iter().filter_map(|frame| frame.camera_model.as_deref());
     let is_straight = |model: &&str| ["PINHOLE", "SIMPLE_PINHOLE", "OPENCV"].contains(model);
     let bent = models.chain(file.camera_model.as_deref()).find(|model| !is_straight(model));
     let model = bent.or(file.camera_model.as_deref()).unwrap_or("PINHOLE");
-    if distorted || file.is_fisheye == Some(true) || bent.is_some() {
+    let is_fisheye = file.frames.iter().chain([&file]).any(|part| part.is_fisheye == Some(true));
+    if distorted || is_fisheye || bent.is_some() {
         let what = format!("cameras with distortion (camera_model {model:?})");
         return refuse(path, what, "undistort the pictures first, then leave the distortion out");
     }
@@ -91,8 +97,9 @@ fn view(path: &Path, file: &Transforms, i: usize, frame: &Transforms, fov: f64) 
     };
     let center = [frame.cx.or(file.cx), frame.cy.or(file.cy)];
     let focal = [frame.fl_x.or(file.fl_x), frame.fl_y.or(file.fl_y)];
+    let angles = [frame.camera_angle_x.or(file.camera_angle_x), frame.camera_angle_y.or(file.camera_angle_y)];
     let is_angle = |angle: f64| angle > 0.0 && angle < std::f64::consts::PI;
-    let lens = match (focal, file.camera_angle_x, file.camera_angle_y) {
+    let lens = match (focal, angles[0], angles[1]) {
         ([Some(fx), fy], ..) => match (center, size) {
             ([Some(cx), Some(cy)], _) => Lens::Pixels { fx, fy: fy.unwrap_or(fx), cx, cy, skew: 0.0 },
             ([cx, cy], Some((w, h))) => Lens::Pixels {
