@@ -21,6 +21,7 @@ use crate::{
     obj::{FAR_UVS, FARTHEST_UV},
     paint::{self, Patch},
     source::Source,
+    text,
     textures::Textures,
     weld::Weld,
 };
@@ -259,7 +260,10 @@ impl Soup {
         if let Some(piece) = self.pieces.iter().find(|piece| clear(piece)) {
             let material = piece.material.and_then(|index| root.materials.get(index));
             let name: String = material.map_or("", |material| &material.name).chars().take(40).collect();
-            source.notes.add(None, format!("material {name:?} is wholly transparent: its triangles are invisible"));
+            source.notes.add(
+                None,
+                format!("material {:?} is wholly transparent: its triangles are invisible", text::name(&name)),
+            );
         }
         let blends = |piece: &Piece| piece.look.cut != image::Cut::Opaque;
         if self.colors.iter().any(|color| color[3] != 1.0) && self.pieces.iter().any(blends) {

@@ -8,6 +8,7 @@ use crate::{
     find::find,
     notes::Notes,
     source::Source,
+    text,
 };
 use softras::{
     Error,
@@ -205,7 +206,7 @@ fn read_library(source: &mut Source, mtl: &Path, materials: &mut Materials) {
                 note("material without a name: write `newmtl NAME`".into());
             }
             if !materials.begin(name) {
-                note(format!("material {name:?} is defined again: the first one counts"));
+                note(format!("material {:?} is defined again: the first one counts", text::name(name)));
             }
             continue;
         }
@@ -213,12 +214,9 @@ fn read_library(source: &mut Source, mtl: &Path, materials: &mut Materials) {
         let is_map = is_alpha || keyword.eq_ignore_ascii_case("map_Kd");
         match fate_of(keyword) {
             Some(Fate::NotDrawn(what)) => {
-                materials
-                    .all
-                    .iter()
-                    .last()
-                    .into_iter()
-                    .for_each(|m| note(format!("{keyword} of {:?}: {what}", m.name)));
+                if let Some(material) = materials.all.last() {
+                    note(format!("{keyword} of {:?}: {what}", text::name(&material.name)));
+                }
                 continue;
             }
             Some(Fate::Drawn | Fate::Approximated(_)) => {}

@@ -13,6 +13,7 @@ use crate::{
     obj::{FAR_UVS, FARTHEST_UV},
     polygon,
     source::Source,
+    text,
     texture::{self, linear_from_srgb},
     textures::Room,
 };
@@ -134,7 +135,11 @@ fn parse(source: &mut Source, bytes: &[u8]) -> Result<Ply, String> {
         let least = least_bytes(element, header.format);
         if least.saturating_mul(element.count as u64) > bytes.len() as u64 {
             let (count, name) = (element.count, &element.name);
-            return Err(format!("cut off: it claims {count} rows of {name:?} and holds {} bytes", bytes.len()));
+            return Err(format!(
+                "cut off: it claims {count} rows of {:?} and holds {} bytes",
+                text::name(name),
+                bytes.len()
+            ));
         }
         let mut table = Table::new(element, least);
         for property in element.properties.iter().filter(|_| element.count > 0) {
@@ -160,7 +165,9 @@ fn parse(source: &mut Source, bytes: &[u8]) -> Result<Ply, String> {
             name => {
                 match fate::of(PROPERTIES, name).filter(|_| element.count > 0) {
                     Some(NotDrawn(note)) => source.notes.count(None, note),
-                    None if element.count > 0 => source.notes.add(None, format!("element {name:?} is not read")),
+                    None if element.count > 0 => {
+                        source.notes.add(None, format!("element {:?} is not read", text::name(name)))
+                    }
                     _ => {}
                 }
                 table.read(&mut reader, &mut |_| Ok(()))?;

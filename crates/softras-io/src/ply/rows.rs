@@ -1,6 +1,7 @@
 //! The rows of a PLY file as numbers: the header says which columns are read into which values. The crate serde-ply reads
 //! them; its own structures would need a name for each column that is known when softras is compiled.
 
+use crate::text;
 use serde::de::{DeserializeSeed, Deserializer, Error as _, IgnoredAny, MapAccess, SeqAccess, Visitor};
 use serde_ply::{ElementDef, PlyFormat, PlyReader, PropertyType, ScalarType};
 use std::{fmt, io::Cursor, ops::Range};
@@ -93,7 +94,7 @@ impl<'a> Table<'a> {
         take: &mut dyn FnMut(&Row) -> Result<(), String>,
     ) -> Result<(), String> {
         MapAccess::next_value_seed(&mut reader, Rows { table: self, take })
-            .map_err(|error| format!("malformed PLY, element {:?}: {error}", self.element.name))
+            .map_err(|error| format!("malformed PLY, element {:?}: {error}", text::name(&self.element.name)))
     }
 }
 

@@ -277,8 +277,9 @@ fn materials_of_gltf_are_drawn_or_noted() {
     assert_note(&wood, "materials[0] \"wood\".normalTexture: normal maps");
     assert_eq!(wood.materials, ["wood"]);
     // A name is no longer than a line of a note.
-    let long = with(json!({ "name": "wood".repeat(1000), "normalTexture": { "index": 0 } }));
-    assert!(long.notes.iter().all(|note| note.len() < 400), "{:?}", long.notes);
+    let long = with(json!({ "name": "wood".repeat(1000), "normalTexture": { "index": 0 }, "alphaMode": "MASK",
+                            "pbrMetallicRoughness": { "baseColorFactor": [1, 0, 0, 0.2] } }));
+    assert!(long.notes.len() > 1 && long.notes.iter().all(|note| note.len() < 400), "{:?}", long.notes);
     assert_note(&with(json!({ "extensions": { "X_new": {} } })), "extension X_new");
     assert_note(&with(json!({ "wobble": 3 })), "materials[0].wobble");
 }

@@ -43,6 +43,16 @@ fn missing_materials_are_white_and_noted() {
     assert_note(&loaded.notes, &["mesh.mtl:2", "CIE XYZ"]);
     assert_eq!(loaded.opacity, [0.5]);
     assert_note(&loaded.notes, &[":5: ", "neither Kd nor map_Kd"]);
+    // Names in notes are no longer than a line.
+    let long = "a".repeat(2000);
+    let used = obj.replace("gone", "mesh").replace("red", &long);
+    for (mtl, part) in
+        [("Ns 3\nnorm n.png", "norm of"), ("newmtl NAME", "defined again"), ("d 0", "wholly transparent")]
+    {
+        let loaded = load_with_mtl(&used, &format!("newmtl {long}\n{}\n", mtl.replace("NAME", &long))).unwrap();
+        assert_note(&loaded.notes, &[part]);
+        assert!(loaded.notes.iter().all(|note| note.len() < 400), "{:?}", loaded.notes);
+    }
 }
 
 #[test]
