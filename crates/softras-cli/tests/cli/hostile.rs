@@ -170,7 +170,7 @@ fn names_give_the_terminal_no_orders() {
     for (arguments, part) in [
         (&fit[..], "\\u001b[31mred\\u009b\\u202e"),
         (&["render", "a.obj", "-o", "o.png", "--size", "8"], "\\u001b[31mred"),
-        (&["render", "b.obj", "-o", "o.png", "--size", "8"], "u{1b}[31mred"),
+        (&["render", "b.obj", "-o", "o.png", "--size", "8"], "\\u001b[31mred"),
         (&["render", &missing, "-o", "o.png"], "\\u001b[31mred"),
         (&["fit", "--views", ".", "-o", "o.obj"], "\\u001b[31m.png"),
         (&["mesh", "cube", "-o", &format!("{orders}/o.obj")], "\\u001b[31mred"),

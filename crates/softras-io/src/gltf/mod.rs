@@ -262,7 +262,7 @@ impl Soup {
             let name: String = material.map_or("", |material| &material.name).chars().take(40).collect();
             source.notes.add(
                 None,
-                format!("material {:?} is wholly transparent: its triangles are invisible", text::name(&name)),
+                format!("material \"{}\" is wholly transparent: its triangles are invisible", text::name(&name)),
             );
         }
         let blends = |piece: &Piece| piece.look.cut != image::Cut::Opaque;

@@ -50,7 +50,7 @@ pub(super) fn appearance(
     if let Some(Material { name, .. }) = material_of_face.iter().flatten().find(|material| material.opacity() == 0.0) {
         source
             .notes
-            .add(None, format!("material {:?} is wholly transparent: its faces are invisible", text::name(name)));
+            .add(None, format!("material \"{}\" is wholly transparent: its faces are invisible", text::name(name)));
     }
     let opacity = |material: &Option<&Material>| material.map_or(1.0, Material::opacity);
     let is_transparent = material_of_face.iter().any(|material| opacity(material) < 1.0);
@@ -117,10 +117,10 @@ fn find_used<'a>(obj: &Obj, library: &'a Materials, notes: &mut Notes) -> Vec<Op
             // Of a library that cannot be read a note has told already.
             None if library.is_whole() => {
                 let place = if obj.libraries.is_empty() { "the file names no mtllib" } else { "in no MTL file" };
-                notes.add(Some(*line), format!("unknown material {:?} ({place}): white", text::name(name)));
+                notes.add(Some(*line), format!("unknown material \"{}\" ({place}): white", text::name(name)));
             }
             Some(Material { color: None, map: None, alpha_map: None, .. }) => {
-                notes.add(Some(*line), format!("material {:?} has neither Kd nor map_Kd: white", text::name(name)));
+                notes.add(Some(*line), format!("material \"{}\" has neither Kd nor map_Kd: white", text::name(name)));
             }
             _ => {}
         }

@@ -206,7 +206,7 @@ fn read_library(source: &mut Source, mtl: &Path, materials: &mut Materials) {
                 note("material without a name: write `newmtl NAME`".into());
             }
             if !materials.begin(name) {
-                note(format!("material {:?} is defined again: the first one counts", text::name(name)));
+                note(format!("material \"{}\" is defined again: the first one counts", text::name(name)));
             }
             continue;
         }
@@ -215,7 +215,7 @@ fn read_library(source: &mut Source, mtl: &Path, materials: &mut Materials) {
         match fate_of(keyword) {
             Some(Fate::NotDrawn(what)) => {
                 if let Some(material) = materials.all.last() {
-                    note(format!("{keyword} of {:?}: {what}", text::name(&material.name)));
+                    note(format!("{keyword} of \"{}\": {what}", text::name(&material.name)));
                 }
                 continue;
             }

@@ -285,7 +285,7 @@ impl Parser<'_> {
     fn color(&mut self, rgb: [&str; 3], line: usize) -> Checked {
         let mut color = numbers::<f32, 3>("vertex colour", &rgb)?;
         if let Some(i) = color.iter().position(|x| x.is_nan() || x.abs() > Mesh::BRIGHTEST) {
-            let what = format!("vertex colour {:?} is not within ±{:e}", name(rgb[i]), Mesh::BRIGHTEST);
+            let what = format!("vertex colour \"{}\" is not within ±{:e}", name(rgb[i]), Mesh::BRIGHTEST);
             return Err((what, "give r, g and b from 0 to 1"));
         }
         if self.totals.bright * 2 > self.totals.colored {
@@ -366,12 +366,12 @@ impl Parser<'_> {
         let mut parts = word.split('/');
         let (vertex, uv, normal) = (parts.next().unwrap_or_default(), parts.next(), parts.next());
         if parts.next().is_some() {
-            return Err((format!("corner {:?} has more than three indices", name(word)), CORNER_FORMS));
+            return Err((format!("corner \"{}\" has more than three indices", name(word)), CORNER_FORMS));
         }
         let vertex = index("vertex", vertex, self.obj.positions.len(), self.totals.vertices)?;
         let normal = match normal.filter(|n| !n.is_empty()) {
             Some(normal) if normal.parse::<i64>().is_err() => {
-                return Err((format!("normal index {:?} is not a whole number", name(normal)), CORNER_FORMS));
+                return Err((format!("normal index \"{}\" is not a whole number", name(normal)), CORNER_FORMS));
             }
             Some(normal) => index("normal", normal, self.obj.normals.len(), self.totals.normals).unwrap_or(NO_NORMAL),
             None => NO_NORMAL,
@@ -406,7 +406,7 @@ fn numbers<T: Copy + Default + FromStr, const N: usize>(what: &str, words: &[&st
     for (value, word) in values.iter_mut().zip(words) {
         *value = word
             .parse()
-            .map_err(|_| (format!("{what} {:?} is not a number", name(word)), "give plain decimal numbers"))?;
+            .map_err(|_| (format!("{what} \"{}\" is not a number", name(word)), "give plain decimal numbers"))?;
     }
     Ok(values)
 }
@@ -414,7 +414,7 @@ fn numbers<T: Copy + Default + FromStr, const N: usize>(what: &str, words: &[&st
 /// Reads an index, which counts from 1, or from -1 backwards over what the file has so far; the result counts from 0.
 fn index(what: &str, word: &str, so_far: usize, total: usize) -> Checked<u32> {
     let Ok(index) = word.parse::<i64>() else {
-        return Err((format!("{what} index {:?} is not a whole number", name(word)), CORNER_FORMS));
+        return Err((format!("{what} index \"{}\" is not a whole number", name(word)), CORNER_FORMS));
     };
     let (count, lack) = if index < 0 { (so_far, " before it") } else { (total, "") };
     let magnitude = index.unsigned_abs();

@@ -166,7 +166,7 @@ fn parse(source: &mut Source, bytes: &[u8]) -> Result<Ply, String> {
                 match fate::of(PROPERTIES, name).filter(|_| element.count > 0) {
                     Some(NotDrawn(note)) => source.notes.count(None, note),
                     None if element.count > 0 => {
-                        source.notes.add(None, format!("element {:?} is not read", text::name(name)))
+                        source.notes.add(None, format!("element \"{}\" is not read", text::name(name)))
                     }
                     _ => {}
                 }

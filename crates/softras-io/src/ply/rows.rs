@@ -94,7 +94,7 @@ impl<'a> Table<'a> {
         take: &mut dyn FnMut(&Row) -> Result<(), String>,
     ) -> Result<(), String> {
         MapAccess::next_value_seed(&mut reader, Rows { table: self, take })
-            .map_err(|error| format!("malformed PLY, element {:?}: {error}", text::name(&self.element.name)))
+            .map_err(|error| format!("malformed PLY, element \"{}\": {error}", text::name(&self.element.name)))
     }
 }
 
