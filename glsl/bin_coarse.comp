@@ -67,9 +67,9 @@ void transpose(inout uint a[WORD_BITS]) {
     swap_blocks(a, 1, 0x55555555u);
 }
 
-// Writes the words of a block. It transposes masks of tiles into masks of entries. The two marked loops are not unrolled: so
-// Mesa 22.3 compiles this kernel in a fifth of the time, which halves a first frame (`cargo bench --bench cold`). Their passes
-// count in coarse_lanes of frame/plan. Those of the loop over rows would be too many.
+// Writes the words of a block: transposes masks of tiles into masks of entries. The two marked loops are not unrolled, so that
+// Mesa 22.3 compiles this kernel in a fifth of the time, which halves a first frame (`cargo bench --bench cold`). Passes of
+// loops that are not unrolled are limited (coarse_lanes in frame/plan), so the loop over rows in tile_mask stays unrolled.
 void write_words(uint first, uint last, ivec2 bin) {
     uint low[WORD_BITS];
     uint high[WORD_BITS];
@@ -135,7 +135,7 @@ void main() {
     uint start = list_start;
     lists = lists && padded <= frame.coarse_capacity && start <= frame.coarse_capacity - padded;
     if (lane == 0) {
-        // Without room for its list a bin gives the number of its entries. Its tiles then find them in the bitmap.
+        // A bin without room for its list has NO_LIST and the number of its entries. Its tiles then find them in the bitmap.
         bin_ranges[shape.bin_base + bin] = total == 0u ? uvec2(0u) : uvec2(lists ? start : NO_LIST, total);
     }
     if (!lists) {

@@ -36,7 +36,7 @@ layout(set = 0, binding = 9, std430) writeonly buffer TileBounds { vec2 tile_bou
 // `tile_items` has three parts, each with room for all tiles:
 // - the tiles with entries;
 // - the empty tiles, and at the end the tiles that take several turns;
-// - in rows by the tiles' numbers those that forward draws in place of forward_soft, and at a row's end those that are walked.
+// - in rows by the tiles' numbers: those that forward draws over forward_soft, and at a row's end those walked in one turn.
 uint all_tiles() {
     return frame.view_count * frame.tiles_x * frame.tiles_y;
 }
@@ -60,8 +60,8 @@ void add_general(uvec4 item) {
     tile_items[2u * all_tiles() + row * FORWARD_ROW + entry] = item;
 }
 
-// Adds a tile whose list is not in memory. The bin's words, or its bitmap's, have so many blocks. At most `live` of them have
-// entries, and at most `count` entries are the tile's.
+// Adds a tile whose list is not in memory. `blocks` is the number of blocks of the bin's list, or of words of its bitmap. At
+// most `live` of them have entries, and the tile has at most `count` entries.
 void add_walked(uint tile, uint blocks, uint live, uint count) {
     atomicAdd(status[STATUS_WALKED_TILES], 1u);
     if (!WALKS) {
@@ -183,7 +183,7 @@ void main() {
     uvec2 at = bin * BIN_TILES + uvec2(own % BIN_TILES, own / BIN_TILES);
     bool exists = at.x < frame.tiles_x && at.y < frame.tiles_y;
     uint count = exists ? found.y : 0u;
-    // Forward walks a list in less than LOOP_PASSES. No list is so long that the sum of all could exceed 32 bits.
+    // Forward goes through a list in less than LOOP_PASSES passes. No sum of all lengths exceeds 32 bits.
     uint beyond;
     uint sum;
     umulExtended(count, all_tiles(), beyond, sum);

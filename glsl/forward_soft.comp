@@ -11,7 +11,7 @@
 // - Its sums are relative to an integer log weight, so that a shift of exponents brings them to another.
 // - Π(1 - D) over a word is a product of (1 + e) in the denominator: one quotient for 32 entries.
 // - It adds two entries at a time, and the lanes hold the record indices of a word.
-// forward.comp draws the tiles with a triangle so thin that rounding could choose the wrong edge (bin_fine.comp).
+// forward.comp draws the tiles again that have a triangle so thin that rounding could choose the wrong edge (bin_fine.comp).
 // One workgroup a tile of 8×4 pixels, and 32 / lanes pixels a lane.
 // Reads `tile_items`, the tile's list and the records. Writes the images and, for backward, `saved` (saved_of in pixel.glsl)
 // and `tile_bounds`.
@@ -104,7 +104,7 @@ void read_entry_by_rows(Fetched own, Rows rows, bool is_second, out Entry t) {
     float signed_length = subgroupShuffle(texel.z, head);
     t.half_length = vec3(abs(signed_length), subgroupShuffle(texel.w, head), tail.x);
     t.slopes = slopes_of(t.half_length, orientation_of(signed_length));
-    // Tiles with a triangle without area are not drawn here.
+    // A triangle without area has other inverse heights, but forward.comp draws its tiles again.
     t.inverse_height = t.half_length * tail.y;
 }
 #else

@@ -25,7 +25,7 @@ void main() {
     int instance = local / draw.triangles;
     uint from = uint(draw.first_index + 3 * (local - instance * draw.triangles) + i - 3 * triangle);
     uint index = push.select == 16u ? source[from >> 1] >> (16u * (from & 1u)) & 0xffffu : source[from];
-    // The host's indices were not looked at: none may lead outside of its draw's vertices.
+    // Nobody has checked the host's indices: none may lead outside of its draw's vertices.
     index = min(index, uint(draw.vertices) - 1u);
     uint vertex = uint(draw.placed_vertex + instance * draw.vertices);
     target[3u * push.first + uint(i)] = push.base + vertex + index;

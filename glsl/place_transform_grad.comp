@@ -17,7 +17,7 @@ layout(set = 0, binding = 3, std430) buffer Target { float target[]; };
 #include "common/draws.glsl"
 #include "common/geometry_push.glsl"
 
-// As in reduce.comp: Mesa 22.3 ends a loop after 65535 passes.
+// Enough lanes that no loop takes more than 65535 passes, after which Mesa 22.3 ends it (reduce.comp).
 const int LANES = 128;
 
 shared vec4 lane_sums[3 * LANES];

@@ -56,7 +56,7 @@ void main() {
     to_pixels(view, v, column, row);
     int at = int(VERTEX_TEXELS) * (shape.screen_base + vertex);
     vertices[at] = vec4(column, row);
-    // It writes only what is read of a texel: on a software device each component takes the same time.
+    // Only the components that are read are written: on a software device each component takes the same time.
     vertices[at + 1].xy = v.z;
     if (SMOOTH) {
         vec3 given = given_normal(shape, vertex);

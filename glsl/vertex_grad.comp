@@ -72,8 +72,8 @@ void add_part(int item, int corner, bool counts, inout vec3 by_screen, inout vec
     }
 }
 
-// Adds those of the triangles at a vertex whose boxes have several cells. It first adds up the cells of each triangle, as
-// backward_long does for cells without room. One loop takes them all: a triangle's record, then its further cells.
+// Adds the gradients of the triangles at a vertex whose boxes have several cells. It first adds up the cells of each triangle,
+// as backward_long does for cells without room. One loop takes them all: a triangle's record, then its further cells.
 void add_large(Shape shape, int next, int end, inout vec3 by_screen, inout vec3 color) {
     vec3 own = vec3(0.0);
     vec3 own_color = vec3(0.0);

@@ -14,8 +14,8 @@ float between(float x, float limit) {
     return lesser(greater(x, -limit), limit);
 }
 
-// The quotient of two natural numbers. It must be less than 2^20: then the division of floats errs by at most one. A software
-// device divides integers lane by lane, which took a tenth of pixel_grad.comp.
+// number / divisor, for natural numbers whose quotient is less than 2^20: then the quotient of the floats is wrong by at most
+// one. A software device divides integers lane by lane, which took a tenth of the time of pixel_grad.comp.
 int quotient(int number, int divisor) {
     int q = int(float(number) / float(divisor));
     int rest = number - q * divisor;

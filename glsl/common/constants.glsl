@@ -15,18 +15,18 @@ const uint BIN_HEIGHT = 32u;
 const uint FORWARD_ROW = 32768u;
 // Invocations of a workgroup of the vertex and triangle stages.
 const uint LINEAR_GROUP = 64u;
-// Word of `tile_counts` where the three workgroup counts of a row of tiles with entries begin.
+// First word of the three workgroup counts, in `tile_counts`, of a row of tiles with entries.
 const uint TILES_FILLED = 0u;
-// Word of `tile_counts` where those of a row of tiles that need the background begin.
+// First word of the workgroup counts, in `tile_counts`, of a row of tiles that need the background.
 const uint TILES_EMPTY = 3u;
-// Word of `tile_counts` where those of a row of tiles with a triangle too thin for forward_soft begin. forward draws them.
+// First word of the counts, in `tile_counts`, of a row of tiles that forward draws: a triangle is too thin for forward_soft.
 const uint TILES_GENERAL = 6u;
-// Word of `tile_counts` where those of a row of tiles that forward_soft_long and forward_long process at once begin.
+// First word of the counts, in `tile_counts`, of a row of tiles that forward_soft_long and forward_long process in one turn.
 const uint TILES_WALKED = 9u;
 // Words of `tile_counts` for each row of FORWARD_ROW tiles.
 const uint TILE_COUNT_WORDS = 12u;
-// Tiles of a row of those that forward_soft_long and forward_long process in several turns. `walk_state` has an entry for each
-// tile of a row. The three workgroup counts of these rows lie behind those of all other rows.
+// Tiles that forward_soft_long and forward_long process in several turns come in rows of this length. `walk_state` has an
+// entry for each tile of a row. The three workgroup counts of these rows lie behind those of all other rows.
 const uint RESUMED_ROW = 4096u;
 // Triangles in one word of a bin's bitmap.
 const uint WORD_BITS = 32u;
@@ -36,19 +36,19 @@ const uint BLOCK_WORDS = 66u;
 
 // First word of an entry of `bin_ranges` whose bin has no list, because there was no room for it.
 const uint NO_LIST = 0xffffffffu;
-// The entries at hand that a walk has room for: those of WORD_BITS blocks, and less than two words more.
+// Entries that a walk can collect before it adds them to the pixels: those of WORD_BITS blocks, and less than two words more.
 const uint WALK_WINDOW = 1088u;
 // Words of an entry of `walk_state`: 21 for each of 32 pixels, 32 entries, and where the walk stands.
 const uint WALK_STATE_WORDS = 709u;
 // Words that textures with an alpha add to an entry of `walk_state`: one for each of 32 pixels.
 const uint WALK_OPACITY_WORDS = 32u;
-// Passes of loops that WORD_BITS blocks take, besides one for each block with entries.
+// Loop passes that WORD_BITS blocks take, besides one for each block with entries.
 const uint WALK_GROUP_PASSES = 8u;
-// Passes of loops that WORD_BITS entries of a list take.
+// Loop passes that WORD_BITS entries of a list take.
 const uint WALK_LIST_PASSES = 38u;
-// The most passes that a group of WORD_BITS blocks takes, with the entries that it completes.
+// The most loop passes that a group of WORD_BITS blocks takes, with the entries that it completes.
 const uint WALK_MOST_PASSES = 1300u;
-// Value of frame.number for tiles that are walked at once.
+// Value of frame.number for tiles that are walked in one turn.
 const uint ONE_TURN = 0xffffffffu;
 
 // Value in `tile_marks`: the tile's pixels hold the background.
@@ -56,7 +56,7 @@ const uint TILE_BACKGROUND = 1u;
 
 // Flag of an entry of `view_shapes`: one colour for the whole mesh.
 const uint SHAPE_UNIFORM_COLOR = 1u;
-// Flag of an entry of `view_shapes`: `tile_marks` are valid, because nothing else has written to the images since.
+// Flag of an entry of `view_shapes`: `tile_marks` are valid. Nothing else has written to the images since they were written.
 const uint SHAPE_MARKS_VALID = 2u;
 // Texels (uvec4) of one entry of `view_shapes`.
 const uint SHAPE_TEXELS = 4u;
@@ -135,7 +135,7 @@ const uint PROJECTION_SCREEN = 3u;
 const uint TEXTURE_SURFACE = 0u;
 // Kind of texture: an image that repeats.
 const uint TEXTURE_REPEAT = 1u;
-// Kind of texture: an image whose border continues.
+// Kind of texture: an image whose border texels continue outside it.
 const uint TEXTURE_CLAMP = 2u;
 
 // Word of `status`: entries that the bins' lists need.
@@ -191,27 +191,27 @@ const uint REDUCTION_LIGHTS = 1u;
 // REDUCTION: sums over all pixels.
 const uint REDUCTION_PIXELS = 2u;
 
-// Word of `item_counts` where the three workgroup counts for a row of items visible in the shaded images begin.
+// First word of the three workgroup counts, in `item_counts`, of a row of items visible in the shaded images.
 const uint ITEMS_SHOWN = 0u;
-// Word of `item_counts` where those of items that contribute to the silhouette only begin.
+// First word of the workgroup counts, in `item_counts`, of a row of items that contribute to the silhouette only.
 const uint ITEMS_OUTLINE = 3u;
 // Offset from a list's workgroup counts to those of its small items.
 const uint ITEMS_SMALL = 6u;
 // Offset from a list's workgroup counts to the number of its small items.
 const uint ITEMS_SMALL_NUMBER = 12u;
-// Word of `item_counts` where those of records whose further cells found no room begin.
+// First word of the workgroup counts, in `item_counts`, of a row of records whose further cells found no room.
 const uint ITEMS_LONG = 18u;
 // Words of `item_counts` for each row of FORWARD_ROW items.
 const uint ITEM_COUNT_WORDS = 21u;
 // Bit of an entry of `item_marks`: the item has an entry in `partials`.
 const uint MARK_SUMMED = 1u;
-// Bit of an entry of `item_marks`: the record's box has several cells, either one an item or all in the first item.
+// Bit of an entry of `item_marks`: the record's box has several cells, each an item or, without room, part of the first item.
 const uint MARK_LARGE = 2u;
 // The lowest bit of the number of a record's further items in an entry of `item_marks`.
 const uint MARK_FURTHER_BIT = 2u;
 // First word of an entry of `cells` that belongs to no record.
 const uint NO_RECORD = 0xffffffffu;
-// Cells of a record that one turn of backward_long processes. With one lane a cell takes 1106 passes of loops.
+// Cells of a record that one turn of backward_long processes. With one lane a cell takes 1106 loop passes.
 const uint CELLS_PER_TURN = 48u;
 // Lanes of a workgroup of small items, if its subgroups need nothing of each other. llvmpipe makes an allocation for every
 // workgroup: with 64 in place of 8 lanes silhouettes of 64² and 256² take 0.95 of the time, colours 0.99.
@@ -239,9 +239,9 @@ const float SELFTEST_OFFSET = 0.5;
 
 // What a place kernel does with the gradients in a host's buffer: write them.
 const uint TARGET_WRITE = 0u;
-// Or write zeros, which precedes TARGET_ADD.
+// What a place kernel does with the gradients in a host's buffer: write zeros, before several meshes add theirs.
 const uint TARGET_CLEAR = 1u;
-// Or add them, where several meshes have one buffer.
+// What a place kernel does with the gradients in a host's buffer: add them, if several meshes share the buffer.
 const uint TARGET_ADD = 2u;
 
 // Bit of what `store` does: encode colour as sRGB.

@@ -114,13 +114,13 @@ Fragment fragment_of(SignedDistance p) {
     return f;
 }
 
-// The point of edge k at t is (1 - t) times the edge's first corner plus t times its second: corners k + 1 and k + 2. `slope` is
-// dt over the distance along the edge, which is `along` at the pixel's foot.
+// t of the point of edge k nearest to a pixel. The point at t is (1 - t) times the edge's first corner, k + 1, plus t times
+// its second, k + 2. `along` is the pixel's distance along the edge from its midpoint, and `slope` is dt over this distance.
 float edge_parameter(float along, float slope) {
     return lesser(greater(0.5 + slope * along, 0.0), 1.0);
 }
 
-// 0.5 / half length of each edge, negative where the distance along the edges runs from second to first corners.
+// dt over the distance along each edge: 0.5 / half length, negative where the distance runs from second to first corners.
 vec3 slopes_of(vec3 half_length, float orientation) {
     return 0.5 * orientation / half_length;
 }
@@ -131,7 +131,7 @@ vec3 edge_barycentrics(bool on_one, bool on_two, float t) {
     return vec3(on_two ? rest : (on_one ? t : 0.0), on_two ? t : (on_one ? 0.0 : rest), on_two ? 0.0 : (on_one ? rest : t));
 }
 
-// The distance as forward_soft.comp has it.
+// The distance that forward_soft.comp computes.
 struct SoftDistance {
     // Signed distances to the lines of the three edges.
     vec3 height;
@@ -175,7 +175,7 @@ void soft_distance(vec3 height, vec3 along, vec3 half_length, vec3 slopes, out S
 // edges become parallel. There the separator is the distance past the corner along both edges, which is zero on the same line.
 // In a triangle without area the longest edge is nearest to every pixel (flatten_to_segment in edge.glsl), so the separators
 // are constants. On spot at 256² these comparisons and the sums of pair_gradient.glsl take 18 % off the time of backward.
-// What nearest_point needs of a triangle. It is computed once for all pixels.
+// EdgeChoice is what nearest_point needs of a triangle. It is computed once for all pixels.
 struct EdgeChoice {
     // Line functions (x, y, c): x column + y row + c is positive where edge 1 is nearer than edge 0, edge 2 nearer than
     // edge 1, edge 2 nearer than edge 0.

@@ -1,5 +1,5 @@
 // What the forward kernels have in common: their buffers, the tile's list, and how they write a finished tile.
-// With WALKED the list is not in memory, and the lanes share the entries at hand (walked_tile.glsl).
+// With WALKED the list is not in memory. The lanes share the entries at hand: those found but not yet added (walked_tile.glsl).
 // The file that includes this one defines first_pixel, finished and gather_entries.
 
 layout(local_size_x_id = 0) in;
@@ -145,7 +145,7 @@ void gather_list(int from, int facing_end, int end, LaneConstants constants, ino
 
 void main() {
     ivec4 item = ivec4(texelFetch(tile_items, int(frame.first + gl_WorkGroupID.x)));
-    // A tile whose list is not in memory has an entry without a length: pixel_grad.comp goes through the same entries.
+    // A tile whose list is not in memory has an entry of length 0, because pixel_grad.comp reads the same entries.
     if (WALKS && item.w == 0) {
         return;
     }

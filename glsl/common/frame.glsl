@@ -11,7 +11,7 @@ layout(push_constant) uniform Frame {
     // Capacity of the bins' lists and of the tiles' lists, in entries.
     uint coarse_capacity;
     uint list_capacity;
-    // Times this factor, a distance d in pixels makes exp2(-d²) the exponential of eq. 1: sqrt(log2(e) / sigma) · 2 / height.
+    // Factor of distances d in pixels that makes exp2(-d²) the exponential of eq. 1: sqrt(log2(e) / sigma) · 2 / height.
     float scale;
     // The culling radius: squared in units of 1 / scale pixels, and in pixels.
     float radius_squared;
@@ -43,8 +43,7 @@ layout(push_constant) uniform Frame {
     // `backward_long` the number of the turn: a tile or triangle may take several dispatches, each of which goes on where the
     // one before has ended.
     uint number;
-    // For `reduce` the first entry of `totals` to write. For `background`, `forward` and `backward` the first entry of the row
-    // of items to process.
+    // For `reduce` the first entry of `totals` to write. For kernels that run over rows of a list, the first entry of a row.
     uint first;
     // Fixed-point units per unit of a texel's gradient.
     float texel_scale;

@@ -1,4 +1,4 @@
-// The numbers of a host's geometry: one push constant block for the place kernels, but those of texels. Needs nothing; what
+// The numbers of a host's geometry: one push constant block for all place kernels but those of texels. Needs nothing; what
 // reads `target_use` needs constants.glsl.
 
 layout(push_constant) uniform Push {
@@ -8,7 +8,8 @@ layout(push_constant) uniform Push {
     uint draws;
     // First vertex or triangle in the frame's array.
     uint first;
-    // Added to each index: the number of the mesh's vertices before the placed ones.
+    // place_indices adds it to each index: the number of the mesh's vertices before the placed ones. place_vertex_grad: the
+    // first vertex of the host that any draw reads.
     uint base;
     // Layout of the host's vertices, or of its gradients if the kernel writes these: words from one to the next, and before the
     // first.

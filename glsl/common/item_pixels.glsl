@@ -38,8 +38,8 @@ Pair pair_at(ItemPixels p, int index) {
     return pair_of(p, vec2(number - row * p.width, row), index < p.count);
 }
 
-// The first and the last column that the edges leave of a row: in row 0, and the change per row. At most two of a triangle's
-// edges bound the same side.
+// The first and the last column of a row between the edges' grown half-planes: their values in row 0, and the change per row.
+// At most two of a triangle's edges bound the same side.
 struct ColumnBounds {
     vec2 first;
     vec2 first_step;
@@ -49,7 +49,7 @@ struct ColumnBounds {
     float last_row;
 };
 
-// Where a lane is. Next it takes `left` pixels of the row from `column` on, then those of the row below.
+// Where a lane stands. It takes the next `left` pixels of the row from `column` on, then those of the row below.
 struct RowPosition {
     float row;
     float column;

@@ -2,7 +2,7 @@
 // Needs constants.glsl, frame.glsl and the buffer `view_shapes`.
 
 struct Shape {
-    // First vertex and triangle in `positions` and `indices`, and their numbers.
+    // First vertex and triangle in `positions` and `indices`, and how many there are of each.
     int vertex_base;
     int vertex_count;
     int triangle_base;

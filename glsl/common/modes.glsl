@@ -44,7 +44,7 @@ const bool WANT_SILHOUETTE = ((OUTPUTS & OUTPUT_SILHOUETTE) | uint(COMPOSITE) * 
 // The shading record has the depth and the texture coordinates too. So a silhouette needs it with a depth range, or if textures
 // have alpha.
 const bool WANT_SHADING = (uint(SHADED) | DEPTH_RANGE | uint(OPACITY)) != 0u;
-// Whether the least factor of the product of eq. 5 is apart (pixel.glsl).
+// Whether the least factor of the product of eq. 5 is kept apart (pixel.glsl).
 const bool LEAST_APART = uint(OPACITY) * uint(SILHOUETTE_MODE == SILHOUETTE_PRODUCT) != 0u;
 // Whether the tile lists have front faces before back faces, which front faces mostly hide. The hard mode has one order for
 // all, because the first of equally near triangles wins.

@@ -174,7 +174,7 @@ Value value_of(ItemTriangle item, PixelGradient g, Surface surface, float weight
 float weight_gradient(PixelGradient g, Weight w, Value v, inout Sums s) {
     float by_weight = COLOR_MODE == COLOR_SOFTMAX ? w.value * (v.value - g.mean) : 0.0;
     if (GRAD_SCALARS) {
-        // Finite, so that a weight of 0 gives a gradient of 0.
+        // The clamp makes the factor finite, so that a weight of 0 gives a gradient of 0.
         s.gamma += by_weight * between(w.relative, 1e30);
     }
     return by_weight;
@@ -213,9 +213,9 @@ vec3 edge_ends(NearestPoint n) {
                 n.on_two ? 0.0 : (n.on_one ? -1.0 : 1.0));
 }
 
-// dL by the corners' depths, and by b̂ through the shares and through z: to the barycentric coordinates b of a pixel that is
-// sampled where it is or at clamp(b, 0, 1) / sum, and to the parameter t of one that is sampled at the nearest boundary point.
-// From 1/z = Σ b̂_k/z_k follow ∂z/∂z_k = b̂_k (z/z_k)² and ∂z/∂b̂_k = -z²/z_k.
+// dL by the corners' depths, and by the point that the triangle is sampled at, through the shares and through z. A fragment
+// sampled inside, or at clamp(b, 0, 1) / sum, has the gradient by its barycentrics b. One sampled at the nearest boundary
+// point has the gradient by that point's t. From 1/z = Σ b̂_k/z_k follow ∂z/∂z_k = b̂_k (z/z_k)² and ∂z/∂b̂_k = -z²/z_k.
 void surface_gradient(ItemTriangle item, Pair pair, NearestPoint nearest, PixelGradient g, Fragment f, Surface surface,
                       Value v, float weight, float by_weight, inout float by_t, inout Sums s) {
     Corner c = item.corner;

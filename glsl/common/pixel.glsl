@@ -12,12 +12,12 @@ struct Excess {
     vec3 normal;
 };
 
-// The entries of a word in a pixel's silhouette: the factor Π(1 - D), and 1 - Π(1 - D), which keeps its own digits where D is
-// small. The modes other than the product have their aggregate in `covered`.
+// What a word, which is WORD_BITS entries of a tile's list, contributes to a pixel's silhouette: the factor Π(1 - D), and 1 -
+// Π(1 - D), which keeps its own digits where D is small. The modes other than the product have their aggregate in `covered`.
 struct Cover {
     float transmittance;
     float covered;
-    // With LEAST_APART the least 1 - D of this word and of those before, and its D. The numbers above leave it out.
+    // With LEAST_APART the least 1 - D of this word and of those before, and its D. The numbers above leave that factor out.
     float least;
     float most;
 };
@@ -61,7 +61,7 @@ Pixel background_pixel() {
 // A word's entries have sums of their own, which are then added to the pixel's sums with compensation. So the error is that of
 // 32 additions, however many layers there are.
 
-// A pixel before a word: the pixel's reference, and empty sums.
+// The sums of a word before its first entry: the pixel's reference, and zeros.
 Pixel word_of(Pixel p) {
     Pixel word = p;
     word.sum = 0.0;

@@ -81,7 +81,7 @@ struct Corner {
 
 Corner corner_from(vec4 record[SHADING_MOST]) {
     Corner c;
-    // The first two numbers of the record are the geometry's (record.glsl).
+    // The first two numbers of the record are the tail of the geometry record.
     c.depth = vec4(record[1].xyz, record[0].z);
     c.exponent = record[1].w;
     c.color = mat3(vec3(record[0].w, record[2].xy), vec3(record[2].zw, record[3].x), record[3].yzw);

@@ -49,7 +49,7 @@ struct Footprint {
 Footprint footprint_of(uvec4 entry, vec2 uv) {
     ivec2 size = ivec2(entry.yz);
     bool repeat = entry.w == TEXTURE_REPEAT;
-    // Without their whole periods large UVs keep the precision of their fraction.
+    // Whole periods are dropped first, so that large UVs keep the precision of their fraction.
     vec2 folded = repeat ? uv - floor(uv) : uv;
     vec2 at = vec2(folded.x, 1.0 - folded.y) * vec2(size) - 0.5;
     at = clamp(at, vec2(-2.0), vec2(size) + 1.0);

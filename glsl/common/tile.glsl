@@ -7,7 +7,7 @@ struct TileLocation {
     ivec2 corner;
 };
 
-// The tile with a number among the tiles of all views, of which there are at most 2^18.
+// The tile with this number among the tiles of all views. There are at most 2^18 views, so both quotients are exact.
 TileLocation tile_location(int number) {
     int tiles = int(frame.tiles_x * frame.tiles_y);
     int view = quotient(number, tiles);

@@ -2,13 +2,13 @@
 // Everything is `precise`, so that each kernel gets the same answer.
 // Needs constants.glsl, modes.glsl, frame.glsl, arithmetic.glsl, record.glsl and the buffer `boxes`.
 
-// Past the last column.
+// A column past the last one.
 const float COLUMNS_END = float(BIN_TILES) + 1.0;
 
-// A triangle as the rows of a bin's tiles see it.
+// What the tests of a triangle against the rows of tiles in one bin need.
 struct Reach {
-    // An edge bounds the columns of the tiles that touch the grown triangle, from below or from above. These are its bound in
-    // row 0 and the change per row. If the edge bounds the other side, they are -1 or COLUMNS_END, and 0.
+    // Each edge bounds the columns of the tiles that touch the grown triangle, from below or above: `first` or `last` in row
+    // 0, and a step per row. On the side that it does not bound it has -1 or COLUMNS_END, and a step of 0.
     vec3 first;
     vec3 first_step;
     vec3 last;

@@ -2,7 +2,7 @@
 // words of the tile's bin. If those had no room either, it tests the triangles of the bin's bitmap as bin_coarse.comp does. It
 // walks over the bin three times: the first walk counts the entries, the second adds the front faces, the third the back faces.
 // One workgroup of 32 lanes a tile. Each lane has one pixel, and one of the 32 blocks or entries that are looked at together.
-// If a walk takes more passes than a loop of the device can, the next dispatch (frame.number) goes on from `walk_state`.
+// If a walk takes more loop passes than the device allows, the next dispatch (frame.number) goes on from `walk_state`.
 // Needs forward_tile.glsl with WALKED, and DRAWS_THIN: whether this kernel draws the tiles with a thin triangle, or the others,
 // in frames that forward_soft.comp serves.
 
@@ -134,7 +134,7 @@ Block block_of(Source s, int block, int first) {
     return own;
 }
 
-// Counts the entries of the next group, or adds those of the walk's side to the entries at hand. Returns the passes of loops.
+// Counts the next group's entries, or adds its front or back faces to the entries at hand. Returns the loop passes.
 uint take_group(Source s, inout Walk walk) {
     uint lane = gl_LocalInvocationID.x;
     uint live = read_group(s, walk.group);
@@ -162,7 +162,7 @@ uint take_group(Source s, inout Walk walk) {
 }
 
 // Adds the entries at hand to the pixel, word by word. A word that is not full waits for the next group, unless this group is
-// the last. Returns the passes of loops.
+// the last. Returns the loop passes.
 uint gather_entries_at_hand(bool is_last, LaneConstants constants, inout Walk walk, inout Pixel pixels[PIXELS]) {
     float log_count = log2(float(walk.count));
     int lane = int(gl_LocalInvocationID.x);
@@ -251,7 +251,7 @@ void load_state(out Walk walk, out Pixel p) {
     walk.thin = walk_state[state_at(STATE_WALK + 4)] != 0u;
 }
 
-// The number of the workgroup's tile. The tiles that are walked at once lie at the ends of the rows of the third part of
+// The number of the workgroup's tile. The tiles that are walked in one turn lie at the ends of the rows of the third part of
 // `tile_items`. Those that take several turns lie at the end of the second part (bin_fine.comp).
 int tile_number(bool resumes) {
     uint tiles = frame.view_count * frame.tiles_x * frame.tiles_y;
