@@ -80,10 +80,10 @@ pub enum GradientMode {
     /// Everything: the derivative of the image as it is rendered.
     #[default]
     Exact,
-    /// Eq. 4 of the paper alone, as the official code: the clipped barycentrics are constants of the pixel, so that
+    /// Eq. 4 of the paper alone, as in the official code: the clipped barycentrics are constants of the pixel, so that
     /// colour, depth and normal depend on the vertices only through the coverage D, the depth z and the corners' own
-    /// values. Under [`crate::scene::Parity::Official`] this is the official gradient: fragments outside [near, far]
-    /// get none from the silhouette that counts them, and the silhouette's is damped where 1 - D < 1e-6.
+    /// values. Under [`crate::scene::Parity::Official`] fragments outside [near, far] get none from the silhouette that
+    /// counts them. Unlike that code, this mode does not damp the silhouette's gradient where 1 - D < 1e-6.
     Paper,
 }
 

@@ -16,7 +16,7 @@ pub struct Image {
 }
 
 impl Image {
-    /// Whether it has at least one value, and as many as its shape says, which may be more than can be counted.
+    /// Whether it has at least one value, and as many values as its shape says.
     pub fn is_whole(&self) -> bool {
         let shape = [self.batch, self.height, self.width, self.channels];
         let count = shape.iter().try_fold(1usize, |count, &side| count.checked_mul(side));

@@ -56,7 +56,7 @@
 
 pub mod embed;
 mod error;
-// What the renderer alone uses of this folder and of `vulkan` has no feature of its own.
+// Without the feature `renderer`, some items of this folder and of `vulkan` are unused.
 #[cfg_attr(not(feature = "renderer"), allow(dead_code, unused_imports))]
 mod frame;
 mod gradients;
@@ -85,7 +85,7 @@ pub use vulkan::{DeviceInfo, DeviceKind, Limits};
 
 use vulkan::constants;
 
-/// The programs of README.md are tests.
+/// Makes the Rust examples of README.md doctests.
 #[cfg(all(doctest, feature = "renderer"))]
 #[doc = include_str!("../README.md")]
 struct Readme;

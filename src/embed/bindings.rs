@@ -30,7 +30,7 @@ pub struct FrameBindings {
     pub(super) identity: Arc<()>,
 }
 
-/// One frame's buffers bound to the backward kernels, with those of its [`FrameBindings`]. It must be kept as long as these.
+/// One frame's buffers bound to the backward kernels. Keep it, and its [`FrameBindings`], as long as the latter say.
 pub struct GradientBindings {
     pub(super) stages: BackwardStages,
     pub(super) texel_sums: BufferPart,

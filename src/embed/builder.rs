@@ -1,4 +1,4 @@
-//! From what a host has to the plan of a pass: pure, so that a host can ask before it owns a byte.
+//! Plans a pass from a host's counts and settings. It needs no memory, so a host can ask before it allocates any.
 
 use super::Rasterizer;
 use super::camera::{CameraMatrices, ClipSpace, HostCamera};
@@ -23,7 +23,7 @@ pub struct PassBuilder {
     limits: Limits,
     kind: DeviceKind,
     pub(super) content: Content,
-    /// The tables of the content, where they were made before.
+    /// The tables of the content, if they were made already.
     tables: Option<Arc<Tables>>,
     pub(super) settings: Settings,
     pub(super) views: Vec<View>,
@@ -45,7 +45,7 @@ pub struct PassBuilder {
 /// What is drawn.
 #[derive(Clone, Debug)]
 pub(super) enum Content {
-    /// A host's meshes, all of them in every view or, `separate`, one a view.
+    /// A host's meshes: all of them in every view or, if `separate`, one for each view.
     Meshes { meshes: Vec<PassMesh>, separate: bool },
     /// A scene in the host's memory.
     Scene(Arc<Scene>),
@@ -58,7 +58,7 @@ pub(super) enum View {
     Matrices(CameraMatrices, ClipSpace),
 }
 
-/// A camera as it is rendered with; the host's own projection where it gave one.
+/// A camera as softras renders with it, and the host's own projection if it gave one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct ViewCamera {
     pub camera: Camera,
@@ -116,7 +116,7 @@ impl Rasterizer {
 }
 
 impl PassBuilder {
-    /// Other meshes, in place of those or of the scene that the plan had.
+    /// Replaces the meshes or the scene of the plan by these meshes.
     pub fn meshes(mut self, meshes: &[PassMesh]) -> Self {
         let separate = matches!(self.content, Content::Meshes { separate: true, .. });
         self.content = Content::Meshes { meshes: meshes.to_vec(), separate };
@@ -124,7 +124,7 @@ impl PassBuilder {
         self
     }
 
-    /// Each view sees one of the meshes, in their order, in place of all. A scene's views always do.
+    /// Each view sees one of the meshes, in their order, instead of all. With a scene it is always so.
     pub fn one_mesh_a_view(mut self) -> Self {
         if let Content::Meshes { separate, .. } = &mut self.content {
             *separate = true;
@@ -159,7 +159,7 @@ impl PassBuilder {
         self
     }
 
-    /// One view a camera.
+    /// One view for each camera.
     pub fn cameras(mut self, cameras: &[Camera]) -> Self {
         self.views = cameras.iter().copied().map(View::Camera).collect();
         self
@@ -171,16 +171,17 @@ impl PassBuilder {
         self
     }
 
-    /// The near and the far plane, as view depths. Without this call they are those of the matrices: the nearest near plane and
-    /// the farthest far one, or [`Settings::far`] where one is infinite; and of [`cameras`](Self::cameras) they are the settings'.
-    /// Depth scores are relative to both, so γ means less the farther they are apart.
+    /// The near and the far plane, as view depths. By default they are those of the matrices, the nearest near plane
+    /// and the farthest far one ([`Settings::far`] if that is infinite), or, with [`cameras`](Self::cameras), those of
+    /// the settings. Depth scores are relative to both, so γ stands for a larger difference of depth the farther they
+    /// are apart.
     pub fn planes(mut self, near: f64, far: f64) -> Self {
         self.planes = Some([near, far]);
         self
     }
 
-    /// Promises that no triangle of the meshes crosses the near plane and none lies beyond the far one: half the memory, and
-    /// faster. What breaks the promise is drawn wrongly. Of a scene it is known.
+    /// Promises that no triangle of the meshes crosses the near plane and none lies beyond the far one: the frame takes
+    /// half the memory and less time. If the promise is broken, the image is wrong. Of a scene softras knows it.
     pub fn inside_planes(mut self) -> Self {
         self.inside_planes = true;
         self
@@ -213,8 +214,8 @@ impl PassBuilder {
         self
     }
 
-    /// Room for lists, on which only the time of a frame depends; the default is an estimate. [`PassStatus::Grow`] says what
-    /// was needed.
+    /// Room for lists. Only the time of a frame depends on it. The default is an estimate; [`PassStatus::Grow`] says
+    /// what was needed.
     pub fn capacity(mut self, capacity: Capacity) -> Self {
         self.capacity = Some(capacity);
         self
@@ -226,7 +227,7 @@ impl PassBuilder {
         self
     }
 
-    /// What the host does with one of the three buffers itself, beside softras.
+    /// Usages that the host itself needs of one of the three buffers, besides those of softras.
     pub fn usage(mut self, kind: MemoryKind, usage: vk::BufferUsageFlags) -> Self {
         self.usages[kind as usize] |= usage;
         self
@@ -255,8 +256,8 @@ impl PassBuilder {
     ///
     /// # Errors
     /// [`Error::Camera`], [`Error::Settings`], [`Error::Light`], [`Error::Scene`] and [`Error::Mesh`] for what cannot be
-    /// rendered, [`Error::Backward`] for gradients of no image, [`Error::Host`] for buffers that there are not,
-    /// [`Error::Limit`] for what this device cannot hold.
+    /// rendered, [`Error::Backward`] for gradients of no image, [`Error::Host`] for buffers that the plan does not
+    /// have, [`Error::Limit`] for what this device cannot hold.
     pub fn build(mut self) -> Result<PassPlan> {
         if !self.alignment.is_power_of_two() {
             let what = format!("an alignment of {}", self.alignment);
@@ -341,7 +342,7 @@ impl Content {
 }
 
 impl View {
-    /// As it is rendered with, in images of a size.
+    /// The camera as softras renders with it, in images of this size.
     pub fn camera(&self, size: (u32, u32)) -> Result<ViewCamera> {
         match *self {
             Self::Camera(camera) => Ok(ViewCamera { camera, host: None }),
@@ -360,7 +361,7 @@ impl ViewCamera {
     }
 }
 
-/// The nearest and the farthest of planes.
+/// The nearest near plane and the farthest far plane.
 pub(super) fn widest(planes: Option<[f64; 2]>, more: Option<[f64; 2]>) -> Option<[f64; 2]> {
     match (planes, more) {
         (Some([near, far]), Some(own)) => Some([near.min(own[0]), far.max(own[1])]),
@@ -377,7 +378,7 @@ pub(super) fn set_planes(settings: &mut Settings, planes: Option<[f64; 2]>) -> R
         return Err(Error::Camera { field: "near plane", value: near.to_string(), fix });
     }
     settings.near = near;
-    // An infinite plane leaves the settings' own.
+    // If a plane is infinite, the settings' own is used.
     settings.far = if far <= 1e12 { far } else { settings.far };
     Ok(())
 }
@@ -396,17 +397,17 @@ pub(super) fn cutoff_of(settings: &Settings) -> f64 {
 }
 
 impl PassPlan {
-    /// The upload, the device and the readback buffer that it takes.
+    /// The upload, the device and the readback buffer that the pass needs.
     pub fn memory(&self) -> [MemoryRequirement; 3] {
         self.layouts.memory(self.builder.usages)
     }
 
-    /// What the buffers that were left to the host take ([`PassBuilder::own_buffers`]).
+    /// The requirements of the buffers that are left to the host ([`PassBuilder::own_buffers`]).
     pub fn own_buffers(&self) -> &[BufferRequirement] {
         &self.layouts.own
     }
 
-    /// What it was made of, to be changed: other meshes, more room.
+    /// The builder of this plan, for a changed one: other meshes, more room.
     pub fn builder(&self) -> PassBuilder {
         // What changed since it was bound.
         PassBuilder { lights: self.frame.shape.lights.clone(), ..self.builder.clone() }
@@ -487,9 +488,9 @@ impl PassPlan {
 /// What became of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PassStatus {
-    /// Its images and gradients hold, and its lists had room.
+    /// Its images and gradients are valid, and its lists had room.
     Whole,
-    /// Its images and gradients hold, but some of its lists had no room, so that it took longer. A plan with this
+    /// Its images and gradients are valid, but some of its lists had no room, so that it took longer. A plan with this
     /// [`capacity`](PassBuilder::capacity), bound by [`rebind`](super::Pass::rebind), is faster.
     Grow(Capacity),
 }

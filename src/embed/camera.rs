@@ -55,14 +55,14 @@ fn bad<T>(field: &'static str, value: impl std::fmt::Debug, fix: &str) -> Result
     Err(Error::Camera { field, value: format!("{value:?}"), fix: fix.into() })
 }
 
-/// Whether an entry is nothing beside the entry that it would add to.
+/// Whether an entry is negligible compared with the entry that it would add to.
 fn nothing(entry: f64, beside: f64) -> bool {
     entry.abs() <= 1e-12 * beside.abs()
 }
 
 impl HostCamera {
-    /// The camera of matrices that fill an image of so many pixels across and down. A world point projects to the same pixel position as by the matrices; its depth is its
-    /// distance along the view's z axis, in units of view space, growing away from the viewer.
+    /// The camera of these matrices, in an image of this size. It projects points to the same pixel positions as the
+    /// matrices. A point's depth is its distance along the view's z axis, in units of view space, away from the viewer.
     ///
     /// View space may be of either handedness; the projection may be reversed, infinite, mirrored, or off centre (jitter).
     ///
@@ -103,8 +103,8 @@ impl HostCamera {
         }
     }
 
-    /// x / w = (x0 X + x3) / (|s| d) + x2 / s, with the depth d = Z s / |s|: the principal point is what does not depend on
-    /// the depth, and a constant x3 moves the eye.
+    /// x / w = (x0 X + x3) / (|s| d) + x2 / s, with the depth d = Z s / |s|: x2 / s is the principal point, since it
+    /// does not depend on the depth, and x3 moves the eye.
     fn perspective(
         axes: [[f64; 4]; 3],
         [x, y, z]: [[f64; 4]; 3],
@@ -129,7 +129,7 @@ impl HostCamera {
         Self::made(view, projection, depth, clip)
     }
 
-    /// x / w = (x0 X + x3) / s: what the pixels' shape and the centre ask for goes into the view's rows.
+    /// x / w = (x0 X + x3) / s. The scale and the centre go into the view's rows.
     fn parallel(
         axes: [[f64; 4]; 3],
         [x, y, z]: [[f64; 4]; 3],
@@ -165,7 +165,7 @@ impl HostCamera {
         if clip.symmetric_z {
             depth = DepthMap { constant: (depth.constant + 1.0) / 2.0, factor: depth.factor / 2.0, ..depth };
         }
-        // Where the value is 0 and 1: factor / z or factor z is the value less the constant.
+        // The depths at which the value is 0 and 1: factor / z or factor z is the value less the constant.
         let plane = |value: f64| {
             let left = value - depth.constant;
             if depth.perspective { depth.factor / left } else { left / depth.factor }
@@ -217,7 +217,6 @@ mod tests {
         DVec3::from([(); 3].map(|()| random.range(-1.0, 1.0)))
     }
 
-    /// A rigid view matrix: z forward where it is left-handed, backward where it is right-handed.
     fn of(view: DMat4, projection: DMat4) -> CameraMatrices {
         CameraMatrices { view: view.to_cols_array_2d(), projection: projection.to_cols_array_2d() }
     }
@@ -296,7 +295,7 @@ mod tests {
                 let host = HostCamera::new(&of(view, projection), clip, SIZE).unwrap();
                 for _ in 0..20 {
                     let p = 4.0 * vector(random);
-                    // Nearer than near there is nothing to compare: quotients are as large as one likes.
+                    // Points nearer than near are not compared: their quotients can be arbitrarily large.
                     let seen = host.camera().project(p, SIZE).filter(|[.., depth]| *depth >= host.planes()[0]);
                     let Some([column, row, depth]) = seen else { continue };
                     let one = by_matrices(p, view, projection, clip);

@@ -68,7 +68,7 @@ impl CountStep {
         &self.source
     }
 
-    /// Records the reading of the counts, before the frame. More than was planned count as that.
+    /// Records the reading of the counts, before the frame. A larger count than planned is taken as the planned one.
     pub fn record(&self, recorder: &mut Recorder<'_>) -> Result<()> {
         self.stage.record(recorder, bytemuck::bytes_of(&self.push), self.groups)
     }

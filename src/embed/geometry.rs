@@ -136,7 +136,7 @@ impl Geometry {
     }
 }
 
-/// Workgroups of a row of 64 invocations for a count of elements.
+/// The number of workgroups of 64 invocations for so many elements, in one row.
 pub(super) fn linear_groups(count: u32) -> [u32; 3] {
     rows_of(count.div_ceil(c::LINEAR_GROUP))
 }

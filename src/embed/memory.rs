@@ -13,7 +13,7 @@ pub enum MemoryKind {
     Upload,
     /// The device's own memory: DEVICE_LOCAL.
     Device,
-    /// Mapped memory that the CPU reads: HOST_VISIBLE, HOST_CACHED where there is such.
+    /// Mapped memory that the CPU reads: HOST_VISIBLE, and HOST_CACHED if the device has it.
     Readback,
 }
 
@@ -26,7 +26,7 @@ pub struct MemoryRequirement {
     pub size: u64,
     /// What the VkBuffer is made for.
     pub usage: vk::BufferUsageFlags,
-    /// What its offset must be a multiple of where it is a part of a larger VkBuffer.
+    /// The alignment of its offset if it is a part of a larger VkBuffer.
     pub alignment: u64,
 }
 
@@ -58,7 +58,7 @@ pub(super) struct Copy {
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Arena {
     size: u64,
-    /// What the buffers need, and transfer in both directions.
+    /// The usages that the buffers need, and transfer in both directions.
     usage: vk::BufferUsageFlags,
     alignment: u64,
     /// Id, offset and bytes of each.
@@ -66,7 +66,7 @@ pub(super) struct Arena {
 }
 
 impl Arena {
-    /// Lays buffers one after the other, each aligned as it needs and as the host wishes.
+    /// Lays out buffers one after the other, each aligned as it needs and as the host wishes.
     fn new<'a>(buffers: impl Iterator<Item = &'a BufferRequirement>, alignment: u64) -> Self {
         let usage = vk::BufferUsageFlags::TRANSFER_SRC | vk::BufferUsageFlags::TRANSFER_DST;
         let mut arena = Self { size: 0, usage, alignment, parts: Vec::new() };
@@ -74,7 +74,7 @@ impl Arena {
             let own = requirement.alignment.max(alignment);
             arena.alignment = arena.alignment.max(own);
             let offset = arena.size.next_multiple_of(own);
-            // Whole texels, so that a view of the part can cover it.
+            // Sizes are whole texels, so that a view of the part can cover it.
             let size = requirement.size.next_multiple_of(requirement.id.row().format.bytes());
             arena.parts.push((requirement.id, offset, size));
             arena.usage |= requirement.usage;
@@ -115,7 +115,7 @@ pub(super) struct Wishes<'a> {
     pub read_back: &'a [BufferId],
 }
 
-/// Copies begin at multiples of this: whole texels, and every element of an array.
+/// Copies begin at multiples of this in the upload and the readback buffer.
 const STEP: u64 = 16;
 
 impl Layouts {
@@ -207,7 +207,7 @@ impl Layouts {
         ]
     }
 
-    /// Checks what a host made of it.
+    /// Checks the buffers that a host made for it.
     pub fn validate(&self, memory: &PassMemory<'_>) -> Result<()> {
         let needed = self.memory([vk::BufferUsageFlags::empty(); 3]);
         for (needed, given) in needed.iter().zip([&memory.upload, &memory.device, &memory.readback]) {

@@ -21,7 +21,7 @@ pub struct PassMesh {
 pub enum MeshLook {
     /// One colour, linear r, g, b.
     Color([f32; 3]),
-    /// A colour a vertex, from [`MeshBuffers::colors`].
+    /// A colour for each vertex, from [`MeshBuffers::colors`].
     VertexColors,
     /// An image, from [`MeshBuffers::texels`], at the coordinates of [`MeshBuffers::uvs`].
     Texture {
@@ -34,8 +34,8 @@ pub enum MeshLook {
     },
 }
 
-/// Where one mesh lies in a host's buffers, each of usage STORAGE_BUFFER and at a multiple of
-/// minStorageBufferOffsetAlignment. What is `None` is not read.
+/// Where one mesh lies in a host's buffers. Each has the usage STORAGE_BUFFER, at a multiple of
+/// minStorageBufferOffsetAlignment. Those that are `None` are not read.
 #[derive(Clone, Copy, Debug)]
 pub struct MeshBuffers {
     /// Vertices: x, y, z as floats.
@@ -89,7 +89,7 @@ impl PassMesh {
     /// A mesh of `vertices` vertices and all triangles of `indices`, white, drawn once. The indices are those of the host's
     /// index buffer, of 16 or 32 bits.
     pub fn new<T: Copy + Into<u32>>(vertices: u32, indices: &[T]) -> Self {
-        // A part of a triangle is refused with the plan: there is no such index.
+        // If the count is no multiple of 3, the last triangle is incomplete, which the plan refuses.
         let triangles = u32::try_from(indices.len().div_ceil(3)).unwrap_or(u32::MAX);
         let draw = Draw { first_vertex: 0, vertices, first_index: 0, triangles, instances: 1 };
         Self {
@@ -105,7 +105,7 @@ impl PassMesh {
         Self { geometry: Geometry::new(draws), ..Self::new(0, indices) }
     }
 
-    /// The same, drawn so many times, each time with the next of [`MeshBuffers::transforms`].
+    /// The same mesh drawn `instances` times, each time with the next of [`MeshBuffers::transforms`].
     pub fn with_instances(mut self, instances: u32) -> Self {
         let draws = self.geometry.draws().iter().map(|draw| Draw { instances, ..*draw }).collect();
         self.geometry = Geometry::new(draws);
@@ -149,7 +149,7 @@ fn bad_index<T>(mesh: usize, corner: usize, what: String) -> Result<T> {
 }
 
 impl MeshBuffers {
-    /// The arrays that are read, of what draws read.
+    /// The arrays that are read, as far as draws read them.
     pub(super) fn sources(&self, geometry: &Geometry) -> impl Iterator<Item = Floats> {
         let (first, end) = geometry.source_vertices();
         let vertices = move |array: (BufferRef, Layout), floats| Floats::new(&array, first, end - first, floats);

@@ -184,7 +184,7 @@ impl Rasterizer {
         ]);
         let modes = BackwardStage::ALL.map(|stage| of_all.clone().chain(stage.modes()).collect::<Vec<_>>());
         self.pipelines(BackwardStage::ALL.map(|stage| Request {
-            // As for frames.
+            // As for frames, stages that are never recorded are not compiled.
             kernel:
                 if stage.is_needed(&plan.backward) { stage } else { BackwardStage::Cull }.kernel(&self.device, lanes),
             modes: &modes[stage as usize],

@@ -136,8 +136,8 @@ impl Pass {
         Ok(())
     }
 
-    /// Finds the arrays that several meshes have their gradients in, and refuses those that cannot be: another kind of gradient
-    /// or the pass's own memory lies there, or what a mesh is read from.
+    /// Finds the arrays into which several meshes write their gradients. Refuses an array that also holds another kind
+    /// of gradient, the pass's own memory, or data that a mesh is read from.
     fn share_targets(&mut self, workspace: &[Floats], meshes: &[MeshBuffers]) -> Result<()> {
         let mut sources = Vec::new();
         for (placed, mesh) in self.plan.tables.placed.iter().zip(meshes) {
@@ -313,7 +313,7 @@ impl Pass {
         recorder.begin_label("setup");
         recorder.barrier();
         self.copy_in(&mut recorder, &self.plan.layouts.setup)?;
-        // Gradients of a frame that was recorded and never executed find no tiles, rather than as many as the memory happens to say.
+        // If a frame is recorded but never executed, its gradients find no tiles, rather than a number left in memory.
         let counts = self.part(BufferId::TileCounts)?;
         recorder.fill(&counts, 0, counts.range() / 4 * 4, 0)?;
         for (at, draws) in &self.draws {
@@ -361,13 +361,13 @@ impl Pass {
         Ok(())
     }
 
-    /// Gradients need a frame with the numbers that the pass has now.
+    /// Gradients need a frame that was recorded with the present numbers, so a new one must be recorded first.
     pub(super) fn forget_frame(&mut self) {
         let recorded = self.recorded.get_mut();
         *recorded = (*recorded).min(SETUP);
     }
 
-    /// Refuses what would read memory that nothing wrote: on the device its loops might not end.
+    /// Fails if the commands would read memory that nothing wrote: on the device their loops might not end.
     fn needs(&self, recorded: u8, call: &str) -> Result<()> {
         if self.recorded.load(Ordering::Relaxed) >= recorded {
             return Ok(());
@@ -394,8 +394,8 @@ impl Pass {
         self.copy_out(&mut recorder, &self.plan.layouts.backward)
     }
 
-    /// Records the way of the gradients into the meshes' arrays. An array of several meshes is cleared where they read, and then
-    /// each adds to it, in their order.
+    /// Records the writing of gradients into the meshes' arrays. An array that several meshes share is cleared first;
+    /// then each mesh adds to it, in their order.
     fn record_back(&self, recorder: &mut Recorder<'_>) -> Result<()> {
         for back in self.back.iter().filter(|back| back.shared) {
             back.step.step.record_use(recorder, c::TARGET_CLEAR)?;

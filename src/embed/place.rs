@@ -96,7 +96,7 @@ impl Rasterizer {
             let fix = "give MeshBuffers::transforms, one for each instance";
             return misfit(format!("{instances} instances and no transforms"), fix);
         }
-        // Of no draws nothing is recorded.
+        // Without draws nothing is recorded.
         let draws = if geometry.draws().is_empty() {
             BufferPart::of_host(&self.device, draws)
         } else {
@@ -116,7 +116,7 @@ impl Rasterizer {
         Ok(bound)
     }
 
-    /// The words of a layout whose last of `count` elements of `words` words each lies inside a buffer.
+    /// The stride and offset of a layout in words, if `count` elements of `words` words each lie inside the buffer.
     fn layout_words(
         &self,
         name: &str,
@@ -134,7 +134,7 @@ impl Rasterizer {
         Ok((stride / 4, offset / 4))
     }
 
-    /// A host's buffer can be bound as storage, and has so many bytes.
+    /// Fails unless a host's buffer can be bound as storage and has this many bytes.
     pub(super) fn validate_storage(&self, name: &str, at: &BufferRef, needed: u64) -> Result<()> {
         validate_made(name, at, vk::BufferUsageFlags::STORAGE_BUFFER)?;
         let alignment = self.device.limits().storage_offset_alignment;
@@ -345,7 +345,7 @@ pub(super) fn misfit<T>(what: String, fix: &str) -> Result<T> {
     Err(Error::Host { what, fix: fix.into() })
 }
 
-/// A host's buffer is one, and was made for a use.
+/// Fails unless a host's buffer is not null and was made for this usage.
 pub(super) fn validate_made(name: &str, at: &BufferRef, usage: vk::BufferUsageFlags) -> Result<()> {
     if at.raw() == vk::Buffer::null() {
         return misfit(format!("{name}: the buffer is null"), "give a buffer with memory bound to it");

@@ -11,8 +11,8 @@ use crate::gradients::GradientRequest;
 use crate::scene::{Lights, Outputs, Settings, Shading};
 use crate::vulkan::{BufferDesc, DeviceKind, Limits, Location, vk};
 
-/// Passes of all loops of an invocation together that a software device is trusted with. Mesa before 23 ends them after 65535
-/// without an error, which would leave a hole in the image.
+/// The most loop passes of one invocation, over all its loops, that a software device executes correctly. Mesa before
+/// 23 ends loops after 65535 passes without an error, which would leave a hole in the image.
 const SOFTWARE_LOOP_PASSES: u32 = 60_000;
 
 /// A buffer that a pass needs.
@@ -152,8 +152,8 @@ impl FramePlan {
         Self::of(limits, kind, shape, settings, Rare::ALL)
     }
 
-    /// The same with these of the kernels that few frames need. The others are neither compiled nor recorded, and a frame is
-    /// incomplete where [`Status::is_complete`](super::Status::is_complete) says so.
+    /// The same with a choice of the rarely needed kernels. The others are neither compiled nor recorded;
+    /// [`Status::is_complete`](super::Status::is_complete) says whether the frame is complete without them.
     pub(crate) fn of(
         limits: &Limits,
         kind: DeviceKind,
@@ -248,7 +248,7 @@ impl FramePlan {
         self.forward.modes.outputs & crate::constants::OUTPUT_SILHOUETTE != 0
     }
 
-    /// Whether [`of`](Self::of) made it for this shape.
+    /// Whether it was made for this shape and these kernels.
     #[cfg(feature = "renderer")]
     pub(crate) fn is_of(&self, shape: &FrameShape, rare: Rare) -> bool {
         self.shape == *shape && self.forward.rare == rare
@@ -336,7 +336,7 @@ impl GradientPlan {
         Ok(Self { backward, buffers, frame_sizes, wanted: differentiate.wanted, device_counts })
     }
 
-    /// Follows a frame whose push constants change, and whose lights do.
+    /// Takes over changed push constants and lights of the frame.
     pub(super) fn set_push(&mut self, push: FramePush, frame: &FramePlan, lights: &Lights, largest_upstream: f64) {
         let texel_scale = texel_scale(&frame.forward, lights, largest_upstream);
         self.backward.push = FramePush { texel_scale, ..push };
@@ -446,7 +446,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig { cases: 5000, failure_persistence: None, ..ProptestConfig::default() })]
 
-        /// Whatever counts a host has, a plan is made or refused; none is too large to be counted.
+        /// For any counts of a host a plan is made or refused; no count overflows.
         #[test]
         fn counts_of_any_size_are_planned_or_refused(
             meshes in prop::collection::vec(mesh(), 0..4), views in count(), capacity in prop::option::of((count(), count(), count())),

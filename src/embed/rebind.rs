@@ -1,4 +1,4 @@
-//! What of a bound pass can change: cameras, lights and settings in place, all else by binding anew.
+//! Changes of a bound pass: cameras, lights and settings in place, everything else by binding anew.
 
 use super::builder::{Content, PassPlan, View, ViewCamera, cutoff_of, set_planes, widest};
 use super::camera::{CameraMatrices, ClipSpace};
@@ -13,10 +13,9 @@ use crate::scene::{Camera, Lights, Projection, Settings};
 /// What a [`rebind`](Pass::rebind) changed.
 #[derive(Debug)]
 pub struct Rebound {
-    /// The pass as it was: to be dropped, and its memory destroyed, once the commands that it was recorded into have been
-    /// executed.
+    /// The old pass. Drop it, and destroy its memory, once the commands that it was recorded into have been executed.
     pub old: Pass,
-    /// Buffers that lie elsewhere or have another size: the host's own descriptor sets must name them anew.
+    /// Buffers whose place or size changed: the host's own descriptor sets must be updated.
     pub moved: Vec<BufferId>,
 }
 
@@ -127,8 +126,8 @@ impl PassPlan {
         Ok(())
     }
 
-    /// The squared radius of support with other cameras and settings. Refuses those with which a scene's triangles cross a plane
-    /// that the plan left out. Allocates for a scene alone.
+    /// The squared radius of support with other cameras and settings. Fails if a scene's triangles would cross a plane
+    /// that they did not cross in the plan. It allocates only for a scene.
     fn cutoff(&self, cameras: impl Iterator<Item = Camera>, settings: &Settings) -> Result<f64> {
         let Content::Scene(scene) = &self.builder.content else { return Ok(cutoff_of(settings)) };
         let shape = FrameShape::of(scene, &cameras.collect::<Vec<_>>(), settings)?;

@@ -1,4 +1,4 @@
-//! What a frame tells of itself.
+//! The status of a frame, as its kernels report it.
 
 use super::plan::FramePlan;
 use crate::constants as c;
@@ -8,7 +8,7 @@ use crate::frame::plan::Capacity;
 /// The words of a frame's `status` buffer, to be read whenever the frame is done; nothing waits for them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Status {
-    /// Room that the frame's lists would have needed; where bins' lists had no room, that of their tiles is not known yet.
+    /// Room that the frame's lists would have needed; that of tiles' lists is unknown if bins' lists had no room.
     pub needed: Capacity,
     /// A vertex or a triangle was not finite on the screen.
     pub not_finite: bool,
@@ -49,15 +49,15 @@ impl Status {
         self.walked_tiles == 0 && self.needed.cells <= plan.forward.push.cell_capacity
     }
 
-    /// Whether the frame has everything, by kernels that it was planned with.
+    /// Whether the kernels that it was planned with suffice for the frame.
     #[cfg(feature = "renderer")]
     pub(crate) fn is_complete(&self, plan: &FramePlan) -> bool {
         let rare = plan.forward.rare;
         (rare.walked || self.had_room(plan)) && (rare.thin || self.thin_tiles == 0) && (rare.large || !self.large_boxes)
     }
 
-    /// The frame of this plan holds; what is returned is the capacity to plan further ones with, so that they are faster,
-    /// or `None` if all its lists had room or cannot have more on this device.
+    /// Checks that the frame of this plan is valid. Returns the capacity to plan further frames with, so that they are
+    /// faster, or `None` if all its lists had room or cannot have more on this device.
     ///
     /// # Errors
     /// [`Error::NotFinite`] when the device's arithmetic overflowed: the frame's images mean nothing.

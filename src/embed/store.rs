@@ -1,4 +1,4 @@
-//! A frame's images into a host's, by a kernel that stores texels.
+//! Stores a frame's images into a host's images, by a kernel that writes texels.
 
 use super::builder::PassPlan;
 use super::camera::DepthMap;
@@ -45,7 +45,7 @@ pub enum FrameImage {
     Normal,
 }
 
-/// A frame's image bound to a host's. To be kept as [`Pass`].
+/// A frame's image bound to a host's image. Keep it as long as the [`Pass`].
 pub struct ImageBindings {
     stage: Stage,
     push: Push,
@@ -126,7 +126,7 @@ impl FrameImage {
         }
     }
 
-    /// Whether the silhouette is needed beside what is stored.
+    /// Whether the stored texels depend on the silhouette.
     fn needs_silhouette(self) -> bool {
         matches!(self, Self::Foreground { .. } | Self::Silhouette | Self::DepthBuffer { .. })
     }
@@ -136,8 +136,9 @@ impl Pass {
     /// Binds one view of an image to a host's storage image of the pass's size.
     ///
     /// # Errors
-    /// [`Error::Host`](crate::Error::Host) for an image that the pass does not make, a view that there is not, another size, or a
-    /// format with another number of channels; otherwise as [`Rasterizer::prepare_pass`](super::Rasterizer::prepare_pass).
+    /// [`Error::Host`](crate::Error::Host) for an image or a view that the pass does not have, another size, or a
+    /// format with another number of channels; otherwise as
+    /// [`Rasterizer::prepare_pass`](super::Rasterizer::prepare_pass).
     pub fn bind_image(&self, image: FrameImage, view: u32, target: &ImageRef) -> Result<ImageBindings> {
         let Self { rasterizer, plan: PassPlan { frame: plan, .. }, frame, .. } = self;
         let (id, component) = image.place(plan);

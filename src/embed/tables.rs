@@ -81,7 +81,7 @@ impl Tables {
         let mut ends = Ends::default();
         let textured = |mesh: &PassMesh| matches!(mesh.look, MeshLook::Texture { .. });
         if groups.iter().any(|group| group.iter().any(textured)) {
-            // What a mesh without a texture samples when another mesh has one.
+            // The texel that a mesh without a texture samples if another mesh has one.
             ends.textures.push([0, 1, 1, c::TEXTURE_CLAMP]);
             made.segment(BufferId::Texels, 0, &[[1.0f32; 4]]);
             ends.texels = 1;
@@ -96,7 +96,7 @@ impl Tables {
         made.segment(BufferId::TriangleTextures, 0, &ends.triangle_textures);
         if made.shapes.iter().any(|shape| shape.normals) {
             for (placed, mesh) in made.placed.clone().iter().zip(groups.iter().copied().flatten()) {
-                // A zero is no normal: the mean of the triangles' is taken.
+                // A normal of 0 stands for the mean of the triangles' normals.
                 let count = if mesh.has_normals { 0 } else { placed.geometry.vertices() };
                 let at = 12 * u64::from(placed.geometry.first_vertex);
                 made.segment(BufferId::VertexNormals, at, &vec![[0.0f32; 3]; count as usize]);
@@ -148,7 +148,7 @@ impl Tables {
         Ok(())
     }
 
-    /// One colour where all meshes of the group have the same, else one a vertex.
+    /// One colour if all meshes of the group have the same, else one for each vertex.
     fn push_colors(&mut self, first: usize, vertices: u32, ends: &mut Ends) -> Result<AppearanceShape> {
         let looks: Vec<MeshLook> = self.placed[first..].iter().map(|placed| placed.look).collect();
         if let [MeshLook::Color(color), rest @ ..] = &looks[..]
@@ -171,7 +171,7 @@ impl Tables {
         Ok(AppearanceShape::VertexColors)
     }
 
-    /// A texture a mesh, of one texel where the mesh has one colour.
+    /// One texture for each mesh, of one texel if the mesh has one colour.
     fn push_textures(
         &mut self,
         first: usize,
@@ -190,7 +190,7 @@ impl Tables {
                 }
                 MeshLook::Color([r, g, b]) => {
                     self.segment(BufferId::Texels, 16 * u64::from(texel), &[[r, g, b, 0.0]]);
-                    // No coordinates are read into it: any finite ones show its one texel.
+                    // The host gives no coordinates for it; any finite ones show its one texel.
                     let count = self.placed[number].geometry.vertices();
                     self.segment(BufferId::Uvs, 8 * u64::from(uv), &vec![[0.0f32; 2]; count as usize]);
                     (1, 1, c::TEXTURE_CLAMP)

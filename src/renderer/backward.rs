@@ -16,11 +16,11 @@ fn refused<T>(what: &str, fix: &str) -> Result<T> {
 }
 
 impl Renderer {
-    /// The wanted gradients of a loss, from its gradients by the frame's images.
+    /// Computes the gradients in `wanted` of a loss, from its gradients by the frame's images.
     ///
-    /// The frame must be one of this renderer's, rendered with [`Renderer::render_saved`]. It can be differentiated any number of
-    /// times, and other frames rendered before and between. Gradients of a mesh are summed over its views. The same input and
-    /// the same request give the same bits; a request for more may change the last places of what was asked for before.
+    /// The frame must come from this renderer's [`Renderer::render_saved`]. It can be differentiated any number of
+    /// times, also after other frames. Gradients of a mesh are summed over its views. The same input and request give
+    /// the same bits; a request for more gradients may change the last places of each.
     ///
     /// # Errors
     /// [`Error::Backward`] for a frame that was not saved, one of another renderer, or an upstream gradient that does not fit
@@ -112,7 +112,7 @@ impl Slot {
         Ok(plan)
     }
 
-    /// Makes every buffer of the pass large enough, where `taken` bytes of the memory are other frames'.
+    /// Makes every buffer of the pass large enough. Other frames take `taken` bytes already.
     fn make_room_backward(
         &mut self,
         shared: &Shared,

@@ -31,7 +31,7 @@ pub struct Fragments {
     pub data: Vec<Option<Fragment>>,
 }
 
-/// Numbers are written in two channels of so many steps, which single precision holds with room to spare.
+/// Steps of each of the two colour channels that hold a number. Single precision holds them with room to spare.
 const STEPS: u32 = 1 << 12;
 
 /// The mesh in the colours of its triangles' numbers, counted from 1.
@@ -47,8 +47,9 @@ fn number_of(color: &[f32]) -> Option<u32> {
     (step(color[0]) + STEPS * step(color[1])).checked_sub(1)
 }
 
-/// The point of a triangle that a pixel's centre shows. Corners behind the camera have their places too: with w = z, or 1 without
-/// perspective, the weights are the pixel's determinants with two of the corners' (column w, row w, w).
+/// The point of a triangle that a pixel's centre shows. Corners behind the camera count too: with (column·w, row·w, w)
+/// of each corner relative to the pixel, and w = z, or 1 without perspective, the weight of a corner is proportional to
+/// the 2D cross product of the other two.
 fn seen(camera: &Camera, corners: [[f32; 3]; 3], [column, row]: [usize; 2], size: (u32, u32)) -> ([f32; 3], f32) {
     let points = corners.map(|p| camera.to_view(DVec3::from_array(p.map(f64::from))));
     let flat = matches!(camera.projection(), Projection::Orthographic { .. });
@@ -68,8 +69,8 @@ fn seen(camera: &Camera, corners: [[f32; 3]; 3], [column, row]: [usize; 2], size
 }
 
 impl Renderer {
-    /// The nearest triangle of each pixel, with the point of it that the pixel's centre shows. Nothing is blurred: of the
-    /// settings the size, near, far, faces and the parity count. Textures count as opaque.
+    /// The nearest triangle of each pixel, with the point of it that the pixel's centre shows. Nothing is blurred: of
+    /// the settings only the size, near, far, faces, front_face and parity count. Textures count as opaque.
     ///
     /// # Errors
     /// As [`Renderer::render`].

@@ -11,14 +11,14 @@ use std::sync::Arc;
 /// The time of one stage on the device.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StageTime {
-    /// The stage's name, as its GLSL file's.
+    /// The stage's name, mostly that of its GLSL file.
     pub stage: &'static str,
     /// Milliseconds on the device.
     pub milliseconds: f64,
 }
 
 impl StageTime {
-    /// The times of stages from the timestamps before the first of them and after each, in milliseconds.
+    /// The times of stages in milliseconds, from a timestamp before the first of them and one after each.
     pub(super) fn between<const N: usize>(stamps: &[f64], stages: [&'static str; N]) -> Vec<Self> {
         let spans = stamps.windows(2).map(|pair| pair[1] - pair[0]);
         stages.into_iter().zip(spans).map(|(stage, milliseconds)| Self { stage, milliseconds }).collect()
@@ -56,7 +56,7 @@ impl Frame {
     /// RGB, linear, `[batch, height, width, 3]`.
     ///
     /// # Errors
-    /// [`Error::Settings`] unless [`Outputs`] asked for it. That is so for each of the images.
+    /// [`Error::Settings`] unless [`Outputs`] asked for it.
     pub fn color(&self) -> Result<&Image> {
         asked("outputs.color", &self.color)
     }
@@ -104,7 +104,7 @@ impl Frame {
 }
 
 impl Frame {
-    /// The frame with what keeps its slot for it.
+    /// The same frame, holding the owner that keeps its slot from being reused.
     pub(super) fn owning(self, owner: Arc<()>) -> Self {
         Self { owner: Some(owner), ..self }
     }

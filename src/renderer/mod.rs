@@ -24,8 +24,8 @@ use slot::{Saved, Slot};
 /// How to open a renderer.
 #[derive(Clone, Debug, Default)]
 pub struct RendererOptions {
-    /// A device's index, or part of its name in any case. `None`: what `SOFTRAS_DEVICE` says, else the best one: a
-    /// discrete GPU before an integrated one before a software one.
+    /// A device's index, or part of its name in any case. `None`: the device that `SOFTRAS_DEVICE` names, else the best
+    /// one: discrete GPUs come before integrated ones, and these before software devices.
     pub device: Option<String>,
     /// Run under the Vulkan validation layers with synchronization checks; `SOFTRAS_VALIDATION=1` does so too. Open all
     /// renderers before rendering then: the layers (seen in 1.3.239) may crash if one thread opens or drops a device while
@@ -38,8 +38,8 @@ pub struct RendererOptions {
     pub cache: CacheFolder,
     /// The Vulkan loader; `None`: the system's.
     pub loader: Option<Loader>,
-    /// The most bytes of device memory that the buffers of a frame with its gradients, with those of all saved frames that
-    /// live, or of a step of a fit, may take. What needs more is refused with [`Error::OutOfMemory`], as by a device that has no more; `None`: what the device has.
+    /// The most bytes of device memory for a frame with its gradients and all saved frames that live, or for a step of
+    /// a fit. Larger frames are refused with [`Error::OutOfMemory`]. `None`: as much as the device has.
     pub memory: Option<u64>,
 }
 
@@ -57,11 +57,11 @@ pub struct Renderer {
     rendered: u64,
     timed: bool,
     backward_timings: Vec<StageTime>,
-    /// What the frames so far had or would have needed.
+    /// The room for lists that the frames so far had or would have needed.
     capacity: Option<Capacity>,
-    /// The kernels that a frame has needed so far, of those that few frames need: they take as long to compile as all others
-    /// together, so that the first frame that needs one is rendered again. Lists are walked that have no room once a frame
-    /// has needed more than the device can hold.
+    /// The rarely needed kernels that some frame has needed so far. They take as long to compile as all others
+    /// together, so the first frame that needs one is rendered again with it. Lists without room are walked once a
+    /// frame has needed more memory than the device can hold.
     rare: Rare,
 }
 
@@ -103,7 +103,7 @@ impl Renderer {
         if let Some(lanes) = options.lanes {
             rasterizer = rasterizer.with_lanes(lanes)?;
         }
-        // Of other devices no box is so small that one lane takes it alone wherever it is.
+        // On other devices lanes share all but the smallest items, so that every frame needs these kernels.
         let large = context.device().kind() != DeviceKind::Software;
         let rare = Rare { walked: false, thin: false, large };
         let shared = Shared { rasterizer, context, memory: options.memory };
@@ -237,7 +237,8 @@ impl Renderer {
             Ok,
         )?;
         self.slots[at].used = self.rendered;
-        // A loop that keeps some frames of each turn alive uses as many slots again; slots that it does not use are dropped.
+        // A loop that keeps several frames alive reuses its slots in each turn. Slots that it no longer uses are
+        // dropped.
         let recently = self.rendered.saturating_sub(2 * self.slots.len() as u64);
         while self.slots.last().is_some_and(|slot| slot.is_free() && slot.used < recently) {
             self.slots.pop();
@@ -245,8 +246,8 @@ impl Renderer {
         Ok(at)
     }
 
-    /// Makes room for a frame in its slot, given the bytes that the slots of other living frames take. Where there is too little
-    /// memory, the slots of dropped frames give up theirs.
+    /// Makes room for a frame in its slot, given the bytes that the slots of other living frames take. If there is too
+    /// little memory, the slots of dropped frames give up theirs.
     fn with_room<T>(&mut self, at: usize, mut make: impl FnMut(&mut Slot, &Shared, u64) -> Result<T>) -> Result<T> {
         let others = || (0..).zip(&self.slots).filter(|(i, slot)| *i != at && !slot.is_free());
         let taken = others().map(|(_, slot)| slot.buffers.bytes()).sum();
@@ -256,7 +257,7 @@ impl Renderer {
         }
     }
 
-    /// Frees the memory of every slot but one whose frame was dropped. Returns whether there was any.
+    /// Frees the memory of every slot whose frame was dropped, except slot `but`. Returns whether any was freed.
     fn release_free(&mut self, but: usize) -> bool {
         let mut any = false;
         for (_, slot) in self.slots.iter_mut().enumerate().filter(|(i, slot)| *i != but && slot.is_free()) {

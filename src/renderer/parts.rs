@@ -7,7 +7,7 @@ use crate::scene::{Camera, Scene, Settings};
 use std::ops::Range;
 
 /// Makes `count` things in order, at most `at_once` of them at a time: `make` makes a range of them, and `take` takes what was
-/// made. What is too large for the device is made in halves, and `at_once` is reduced for those that follow.
+/// made. A range that is too large for the device is made in halves, and `at_once` is reduced for those that follow.
 ///
 /// # Errors
 /// The first of `make` that smaller parts do not avoid, or of `take`.
@@ -34,7 +34,7 @@ pub fn in_parts<T, E: From<Error>>(
     Ok(())
 }
 
-/// Renders one mesh from all cameras, as many at a time as can be.
+/// Renders one mesh from all cameras, as many at a time as fit.
 ///
 /// # Errors
 /// As [`Renderer::render`], or of `take`, which takes the views' numbers and their frame.
@@ -53,7 +53,7 @@ pub fn in_batches(
 /// How an image is divided into bands.
 #[derive(Clone, Copy, Debug)]
 pub struct Bands {
-    /// Every band but the last has a multiple of so many rows.
+    /// Every band but the last has a multiple of this many rows.
     pub unit: usize,
     /// Rows that are rendered above and below each band besides its own.
     pub margin: usize,
@@ -64,7 +64,7 @@ pub struct Bands {
 /// A band of an image.
 #[derive(Clone, Debug)]
 pub struct Band<T> {
-    /// What was rendered of the rows: those of the band and its margins.
+    /// The rendered frame: the band's rows and its margins.
     pub frame: T,
     /// The band's rows in the whole image.
     pub rows: Range<usize>,
@@ -72,8 +72,8 @@ pub struct Band<T> {
     pub above: usize,
 }
 
-/// Renders an image in bands from top to bottom: `render` is given the camera and the settings of each. `bands` keeps how large
-/// they can be.
+/// Renders an image in bands from top to bottom: `render` is given the camera and the settings of each. `bands.at_once`
+/// is reduced when a band does not fit.
 ///
 /// # Errors
 /// As [`Settings::cropped`], or of `render` or `take`.

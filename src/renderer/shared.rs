@@ -13,7 +13,7 @@ pub(super) struct Shared {
 }
 
 impl Shared {
-    /// Refuses buffers that with the bytes that are taken exceed [`super::RendererOptions::memory`].
+    /// Fails if the buffers and the `taken` bytes together exceed [`super::RendererOptions::memory`].
     pub(super) fn validate_memory<'a>(
         &self,
         buffers: impl IntoIterator<Item = &'a BufferRequirement>,

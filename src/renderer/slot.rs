@@ -100,7 +100,7 @@ impl Slot {
         Arc::strong_count(&self.owner) == 1
     }
 
-    /// Whether this owner is a frame's that it holds.
+    /// Whether the frame with this owner was saved in this slot.
     pub(super) fn is_owned_by(&self, owner: &Arc<()>) -> bool {
         Arc::ptr_eq(&self.owner, owner)
     }
@@ -122,7 +122,7 @@ impl Slot {
         self.buffers = BufferSet::default();
     }
 
-    /// Whether the latest plan is the one of this frame.
+    /// Whether the latest plan was made for this shape and these settings and kernels.
     pub(super) fn is_planned(&self, shape: &FrameShape, settings: &Settings, rare: Rare) -> bool {
         self.planned.as_ref().is_some_and(|(of, plan)| of == settings && plan.is_of(shape, rare))
     }
@@ -147,7 +147,7 @@ impl Slot {
         Ok(plan)
     }
 
-    /// Makes every buffer of the plan large enough, where `taken` bytes of the memory are other frames'.
+    /// Makes every buffer of the plan large enough. Other frames take `taken` bytes already.
     pub(super) fn make_room(&mut self, shared: &Shared, plan: &FramePlan, taken: u64) -> Result<()> {
         shared.validate_memory(plan.buffers(), taken)?;
         plan.buffers().iter().try_for_each(|needed| self.reserve(&shared.context, needed.id, needed.size))

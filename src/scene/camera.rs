@@ -40,8 +40,8 @@ pub enum Projection {
         /// S, the side in pixels of the square image that P was made for, above 0.
         original_size: f64,
     },
-    /// Vertices are given on the screen already: (x, y) in screen units, z the view depth. A camera with it has no view
-    /// transform: the one that it is made with is left out.
+    /// Vertices are given on the screen already: (x, y) in screen units, z the view depth. A camera with this
+    /// projection has no view transform: a matrix that is given for it is ignored.
     Screen,
 }
 
@@ -243,7 +243,7 @@ mod tests {
         assert!((camera.to_view(DVec3::ZERO).z - 2.732).abs() < 1e-12);
     }
 
-    /// The expected numbers are by hand.
+    /// The expected numbers are computed by hand.
     #[test]
     fn points_project_as_documented() {
         let distorted = Projection::Official { distortion: [0.1, 0.2, 0.01, 0.02, 0.3], original_size: 0.8 };

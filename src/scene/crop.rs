@@ -6,11 +6,11 @@ use glam::{DMat4, DVec4};
 use std::ops::Range;
 
 impl Settings {
-    /// The camera and the settings that render some columns and rows of this image as an image of their own. Its pixels are those
-    /// of the whole up to the rounding of single precision, since triangles that reach beyond it are placed relative to a pixel
-    /// within it. So an image larger than a device holds is rendered in parts.
+    /// The camera and the settings that render some columns and rows of this image as an image of their own, for images
+    /// larger than a device holds. The pixels are those of the whole up to the rounding of single precision: triangles
+    /// that reach beyond the part are placed relative to a pixel within it.
     ///
-    /// Screen units are half an image's height, so that sigma becomes larger by the square of how much lower the part is.
+    /// Screen units are half an image's height, so sigma is multiplied by (image height / part height)².
     ///
     /// # Errors
     /// [`Error::Settings`] for a part that is empty or reaches beyond the image, and for official parity with the barycentric

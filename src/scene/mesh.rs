@@ -196,8 +196,8 @@ impl Mesh {
     }
 
     /// The same mesh with a normal for each vertex, `[x, y, z]` in world space and of any length, which smooth shading takes in
-    /// place of the mean of the triangles' normals; `[0, 0, 0]` stands for that mean. None at all is the mean everywhere.
-    /// They are kept as unit vectors.
+    /// place of the mean of the triangles' normals; `[0, 0, 0]` stands for that mean. An empty vector stands for the
+    /// mean everywhere. Normals are kept as unit vectors.
     ///
     /// Gradients do not go through them, and [`set_positions`](Self::set_positions) drops them.
     ///

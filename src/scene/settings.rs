@@ -1,5 +1,5 @@
-//! The settings of a frame. Their defaults are those of the official renderer. The numbers of equations are those of the
-//! paper's poster, which `glsl/README.md` has.
+//! The settings of a frame. Their defaults are those of the official renderer. Equations are numbered as on the paper's
+//! poster; `glsl/README.md` lists them.
 
 use super::Support;
 use crate::error::{Error, Result, shown};
@@ -109,8 +109,8 @@ pub enum SurfacePoint {
     /// At the triangle's point nearest to the pixel, to which d is measured.
     #[default]
     Nearest,
-    /// At the pixel's barycentrics clamped to [0, 1] and divided by their sum (the paper). On a needle that point lies far
-    /// along it, so that a hidden needle may show through the surface before it.
+    /// At the pixel's barycentrics clamped to [0, 1] and divided by their sum (the paper). In a needle-shaped triangle
+    /// this point may be far from the pixel, so that a hidden needle may show through the surface before it.
     Clip,
 }
 
@@ -248,7 +248,7 @@ impl Settings {
     /// # Errors
     /// [`Error::Settings`] naming the field, its value and its range.
     pub fn validate(&self) -> Result<()> {
-        // A value becomes a text only where it is wrong: a frame's settings change without an allocation.
+        // The value is formatted only for an error, so that valid settings need no allocation.
         let check = |ok: bool, field: &'static str, value: &dyn Fn() -> String, fix: &str| {
             if ok { Ok(()) } else { Err(Error::Settings { field, value: value(), fix: fix.into() }) }
         };
@@ -263,7 +263,7 @@ impl Settings {
             ("near", self.near, 1e-6, 1e9, "use 1e-6 to 1e9 world units"),
             ("far", self.far, self.near * (1.0 + 1e-6), 1e12, "must lie beyond near, at most at 1e12"),
         ] {
-            // A bound that went through single precision is the bound still.
+            // A bound that was rounded to single precision still counts as the bound.
             let is_bound = [low, high].iter().any(|&bound: &f64| value == f64::from(bound as f32));
             let within = (value >= low && value <= high) || is_bound;
             check(within, field, &|| shown(value), fix)?;

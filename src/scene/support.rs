@@ -1,4 +1,4 @@
-//! The support of a triangle: the distance from which its fragments are dropped.
+//! The support of a triangle: the distance beyond which its fragments are dropped.
 
 use super::{Background, Camera, ColorAggregation, Scene, Settings};
 use crate::error::{Error, Result};

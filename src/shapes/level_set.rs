@@ -55,8 +55,8 @@ impl Samples {
     }
 }
 
-/// The zero level by marching tetrahedra (Doi and Koide 1991): six in each cell of the grid, all along the same diagonal, so
-/// that neighbours meet in the same triangles. Unlike surface nets it is a closed surface whatever the samples are.
+/// Builds the zero level by marching tetrahedra (Doi and Koide 1991): six in each cell, all along the same diagonal, so
+/// that neighbours share triangles. Unlike that of surface nets it is closed whatever the samples are.
 struct Surface<'a> {
     grid: &'a Samples,
     positions: Vec<[f32; 3]>,
@@ -90,7 +90,7 @@ impl Surface<'_> {
 
     /// Adds the triangles that part the inner samples of a right-handed tetrahedron from the outer ones.
     fn add_tetrahedron(&mut self, corners: [usize; 4]) {
-        // Even permutations, by which corner comes first, and by which two.
+        // Even permutations of the corners: one for each corner that can come first, and one for each pair that can.
         const FIRST: [[usize; 4]; 4] = [[0, 1, 2, 3], [1, 0, 3, 2], [2, 0, 1, 3], [3, 0, 2, 1]];
         const PAIR: [[usize; 4]; 6] =
             [[0, 1, 2, 3], [0, 2, 3, 1], [0, 3, 1, 2], [1, 2, 0, 3], [1, 3, 2, 0], [2, 3, 0, 1]];
@@ -115,12 +115,12 @@ impl Surface<'_> {
         }
     }
 
-    /// The vertex between an inner and an outer sample, where f is 0 between them.
+    /// The vertex between an inner and an outer sample, where linear interpolation of f is 0.
     fn vertex(&mut self, inner: usize, outer: usize) -> u32 {
         let (grid, positions) = (self.grid, &mut self.positions);
         *self.vertex_of.entry([inner, outer]).or_insert_with(|| {
             let [a, b] = [inner, outer].map(|sample| f64::from(grid.values[sample]));
-            // Vertices of neighbouring edges do not meet.
+            // The clamp keeps the vertices of neighbouring edges apart.
             let part = (a / (a - b)).clamp(0.02, 0.98);
             positions.push(grid.position(inner).lerp(grid.position(outer), part).as_vec3().to_array());
             positions.len() as u32 - 1

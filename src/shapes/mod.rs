@@ -158,7 +158,7 @@ mod tests {
         mesh.triangles().iter().map(six_times).sum::<f64>() / 6.0
     }
 
-    /// How often a ray along -x from outside crosses the mesh: in at a front, out at a back.
+    /// Whether the first triangle that a ray along -x from outside hits shows its front; `None` if it hits none.
     fn first_hit_is_front(mesh: &Mesh, y: f64, z: f64) -> Option<bool> {
         let side = |a: DVec3, b: DVec3| (b.y - a.y) * (z - a.z) - (b.z - a.z) * (y - a.y);
         let mut hit: Option<(f64, bool)> = None;

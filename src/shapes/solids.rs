@@ -66,7 +66,7 @@ fn solid(name: &str, distance: impl Fn(DVec3) -> f64) -> Result<Mesh> {
     }
 }
 
-/// The lesser of two distances, less near where both are equal: a union with a rounded seam, at most a quarter of `width` out.
+/// The lesser of two distances, smoothed where they are close: a union with a rounded seam, `width` / 4 thick at most.
 fn seamless(a: f64, b: f64, width: f64) -> f64 {
     let near = (1.0 - (a - b).abs() / width).max(0.0);
     a.min(b) - 0.25 * width * near * near

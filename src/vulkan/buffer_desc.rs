@@ -123,7 +123,7 @@ impl BufferDesc<'_> {
             let result = format!("buffer `{}`: usage {unknown:?} is none of {:?}", self.name, Self::USAGES);
             return Err(Error::Vulkan { call: "vkCreateBuffer", result });
         }
-        // What cannot be rounded up is beyond every limit below.
+        // A size that cannot be rounded up is beyond every limit below.
         let size = self.size.max(1).checked_next_multiple_of(16).unwrap_or(u64::MAX);
         if self.usage.contains(vk::BufferUsageFlags::STORAGE_BUFFER) {
             limit_error(self.name, size, "bytes", "maxStorageBufferRange", limits.max_storage_buffer_range)?;

@@ -11,8 +11,8 @@ use std::sync::Arc;
 
 const CALL: &str = "vkCreateBufferView";
 
-/// A part of a buffer, ours or a host's, to bind or to copy. It keeps a buffer of ours alive; of a host's buffer it knows
-/// the handles only. It is of one device, and an error where it is used with another.
+/// A part of a buffer, ours or a host's, to bind or to copy. It keeps a buffer of ours alive; of a host's buffer it
+/// knows only the handles. It belongs to one device; use with another is an error.
 #[derive(Clone)]
 pub struct BufferPart {
     /// The device that made the buffer.
@@ -95,7 +95,7 @@ impl BufferPart {
         self.view
     }
 
-    /// The buffer is one of this device's.
+    /// Whether the buffer is one of this device's.
     pub(super) fn is_of(&self, device: &Device) -> bool {
         self.device == device.raw().handle()
     }

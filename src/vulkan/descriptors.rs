@@ -22,7 +22,7 @@ pub struct DescriptorPool(Arc<Pool>);
 struct Pool {
     device: Device,
     raw: vk::DescriptorPool,
-    /// Allocating is from one thread at a time.
+    /// Only one thread at a time may allocate from the pool.
     lock: Mutex<()>,
 }
 
@@ -277,7 +277,7 @@ fn check_image(kernel: &Kernel, binding: &Binding, image: &ImageRef) -> Result<(
     }
 }
 
-/// The image is one that the kernel reads.
+/// Checks that the binding is one of an image that the kernel reads.
 fn check_texture(kernel: &Kernel, binding: &Binding, texture: &TextureRef) -> Result<()> {
     let fail = |what: &str| Err(misuse(CALL, kernel, &format!("binding `{}`: {what}", binding.name)));
     match binding.kind {

@@ -14,7 +14,7 @@ use ash::{ext::debug_utils, vk};
 use std::ffi::CString;
 use std::sync::Arc;
 
-/// A Vulkan device: functions, limits, debug names. Cheap to clone. Of a host's device it destroys nothing.
+/// A Vulkan device: functions, limits, debug names. Cheap to clone. It never destroys a host's device.
 #[derive(Clone)]
 pub struct Device {
     inner: Arc<Inner>,
@@ -36,7 +36,7 @@ struct Inner {
     owned: Option<Instance>,
 }
 
-/// lavapipe calls its device by its engine, as in "llvmpipe (LLVM 15.0.6, 256 bits)".
+/// lavapipe names its device after its engine, as in "llvmpipe (LLVM 15.0.6, 256 bits)".
 fn is_lavapipe(properties: &vk::PhysicalDeviceProperties) -> bool {
     properties.device_name_as_c_str().is_ok_and(|name| name.to_bytes().starts_with(b"llvmpipe"))
 }
@@ -160,7 +160,7 @@ impl Device {
         self.inner.is_lavapipe
     }
 
-    /// What to create and destroy its objects with.
+    /// The allocation callbacks to create and destroy its objects with.
     pub(super) fn callbacks(&self) -> Option<&vk::AllocationCallbacks<'static>> {
         self.inner.callbacks.get()
     }

@@ -7,12 +7,12 @@ pub(super) type Keep = Arc<dyn Kept>;
 
 /// What can be kept.
 pub(super) trait Kept: Send + Sync {
-    /// Adds what submission and completion of the commands concern.
+    /// Adds the mapped buffers and the timestamp marks that it uses.
     #[cfg(feature = "renderer")]
     fn uses(&self, _uses: &mut Uses) {}
 }
 
-/// What submission and completion of recorded commands concern.
+/// The mapped buffers and the timestamp marks that recorded commands use.
 #[cfg(feature = "renderer")]
 #[derive(Default)]
 pub(super) struct Uses {

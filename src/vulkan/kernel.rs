@@ -4,7 +4,7 @@ use super::host_memory::ImageFormat;
 
 /// A compute kernel: its SPIR-V and all that the SPIR-V says about its interface.
 ///
-/// Drivers do not validate SPIR-V, so that every kernel is one of [`kernels`].
+/// Drivers do not validate SPIR-V, so only [`kernels`] are accepted.
 #[derive(Debug)]
 pub struct Kernel {
     /// The file's name without `.comp`.

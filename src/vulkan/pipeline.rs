@@ -249,7 +249,7 @@ fn create_pipeline(
     constants: &Constants,
     cache: vk::PipelineCache,
 ) -> Result<vk::Pipeline> {
-    // SwiftShader does not end compiling flat kernels within ten minutes.
+    // SwiftShader takes more than ten minutes to compile flat kernels.
     let depth = if device.is_lavapipe() { Depth::Flat } else { Depth::Cut };
     let code = specialized(kernel.spirv, &constants.0, depth);
     let info = vk::ShaderModuleCreateInfo::default().code(&code);

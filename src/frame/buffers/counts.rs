@@ -72,7 +72,7 @@ pub struct FrameCounts {
     pub save: bool,
     /// Words of the state of a walk.
     pub walk_words: u32,
-    /// Tiles whose walks go on from turn to turn, for which there is memory.
+    /// The most tiles walked in several turns that there is memory for.
     pub resumed: u64,
     /// Rows of RESUMED_ROW tiles that can be counted.
     pub resumed_rows: u64,
@@ -90,7 +90,7 @@ impl FrameCounts {
 pub struct GradientCounts {
     /// Counts over all views of the frame.
     pub totals: Totals,
-    /// Triangles' further cells may lack room.
+    /// Whether `cells` may be too small for the cells beyond the first of some triangles.
     pub long: bool,
     /// Items: the cells of all triangles' boxes.
     pub items: u64,

@@ -87,8 +87,8 @@ table! {
         Indices("indices", Uint, Input, [STORAGE_BUFFER], |f| 12 * f.tables.triangles);
         /// The triangle corners that share a vertex, for every vertex: for gradients and smooth shading.
         Adjacency("adjacency", Uint, Input, [], |f| 4 * f.tables.adjacency);
-        /// x, y, z of a unit normal for every vertex of every mesh, if some mesh has normals, and 0 where smooth shading is to take
-        /// the mean of the triangles'.
+        /// x, y, z of a unit normal for every vertex of every mesh, if some mesh has normals; 0 where smooth shading is
+        /// to take the mean of the triangles' normals.
         VertexNormals("vertex_normals", Float, Input, [], |f| 4 * f.tables.normals);
         /// The ambient light, then direction and colour of each directional one.
         Lights("lights", Float4, Input, [], |f| 16 * (1 + 2 * f.lights));
@@ -111,7 +111,7 @@ table! {
             |f| when(f.smooth, texels(f.totals.vertices, c::VERTEX_SHADING_TEXELS)));
         /// Each triangle record's edges, from which signed edge distances are computed.
         Geometry("geometry", Float4, Workspace, [], |f| texels(f.totals.records, f.geometry_texels()));
-        /// Each triangle record's colours, depths and normals, after two numbers more of its edges.
+        /// Each triangle record's colours, depths and normals, after the last two numbers of its edges.
         Shading("shading", Float4, Workspace, [],
             |f| when(f.shading_texels > 0, texels(f.totals.records, f.shading_texels)));
         /// The box of pixels that each triangle's support can reach.
@@ -125,20 +125,20 @@ table! {
         /// For every 32 entries of the bins' lists, which of the bin's tiles each entry reaches.
         CoarseWords("coarse_words", Uint, Workspace, [],
             |f| bytes(f.capacity[0].div_ceil(c::WORD_BITS.into()), 4 * u64::from(c::BLOCK_WORDS)));
-        /// The tiles with entries and the ranges of their lists; the empty tiles, and those that are walked in several turns;
-        /// those that the general kernel draws again, and those that are walked.
+        /// Three lists of tiles: those with entries, and the ranges of their lists; the empty ones, with those walked
+        /// in several turns; those that the general kernel draws again, with those walked in one turn.
         TileItems("tile_items", Uint4, Workspace, [], |f| bytes(f.totals.tiles, 48));
         /// Arguments of the indirect dispatches over tiles.
         TileCounts("tile_counts", Uint, Workspace, [TRANSFER_DST, INDIRECT_BUFFER],
             |f| bytes(f.totals.tile_rows() * u64::from(c::TILE_COUNT_WORDS) + 3 * f.resumed_rows, 4));
-        /// Where the walks stand of tiles that are processed in several turns.
+        /// The state of the walks of tiles that are processed in several turns.
         WalkState("walk_state", Uint, Workspace, [],
             |f| when(f.resumed > 0, bytes(f.resumed, 4 * u64::from(f.walk_words))));
         /// The tiles that the last frame left empty.
         TileMarks("tile_marks", Uint, Workspace, [], |f| bytes(f.totals.tiles, 4));
         /// The tiles' lists of record indices.
         TileRecords("tile_records", Uint, Workspace, [], |f| bytes(f.capacity[1], 4));
-        /// Whether the frame holds, and what room its lists needed.
+        /// Whether the frame is valid, and how much room its lists needed.
         Status("status", Uint, Output, [TRANSFER_DST], |_| bytes(c::STATUS_WORDS.into(), 4));
         /// Linear r, g, b and the silhouette of every pixel.
         Color("color", Float4, Output, [UNIFORM_TEXEL_BUFFER], |f| when(f.outputs.color, bytes(f.totals.pixels, 16)));

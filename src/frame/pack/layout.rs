@@ -12,8 +12,8 @@ pub struct MeshShape {
     pub vertices: u32,
     /// Its triangles.
     pub triangles: u32,
-    /// The most of its triangles' corners that share a vertex. A software device refuses sums over too many of them
-    /// ([`crate::Error::Limit`]); if the number is too small, such a device may lose some of them without an error.
+    /// The largest number of triangle corners that share a vertex. A software device refuses to sum over too many of
+    /// them ([`crate::Error::Limit`]); if this is less than the real number, it may lose some of them without an error.
     pub most_corners: u32,
     /// What colours it.
     pub appearance: AppearanceShape,
@@ -86,7 +86,7 @@ impl MeshShape {
     }
 }
 
-/// Where one mesh lies in the tables: the first element that is its own of each, and its counts.
+/// Where one mesh lies in the tables: its first element in each table, and its counts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct MeshLayout {
     /// First vertex.
@@ -117,12 +117,12 @@ pub struct MeshLayout {
 }
 
 impl MeshLayout {
-    /// Its vertices among all.
+    /// The range of its vertices among those of all meshes.
     pub fn vertex_range(&self) -> Range<usize> {
         self.vertex as usize..(self.vertex + self.vertices) as usize
     }
 
-    /// The texels of each of its textures, for the shape that it was made of.
+    /// The ranges of texels of its textures, given the shape that it was made of.
     pub fn texel_ranges(&self, shape: &MeshShape) -> Vec<Range<usize>> {
         let mut next = self.texel as usize;
         let range = |count: u64| {

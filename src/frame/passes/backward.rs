@@ -164,8 +164,8 @@ impl BackwardStages {
 
 /// Records one backward pass after its forward frame.
 ///
-/// The frame's workspace, images and `saved` are as [`record_forward`](super::record_forward) left them. It begins and ends
-/// with the same barriers.
+/// The frame's workspace, images and `saved` are as [`record_forward`](super::record_forward) left them. The pass
+/// begins and ends with the same barriers as a frame.
 pub fn record_backward(
     recorder: &mut Recorder<'_>,
     plan: &BackwardPlan,

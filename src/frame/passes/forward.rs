@@ -111,8 +111,8 @@ impl ForwardStages {
 
 /// Records one forward frame.
 ///
-/// It begins with a barrier after all compute, copies and fills before it, and ends with one before all that follow, so
-/// the caller has to order only what other stages and queues do to the buffers.
+/// The frame begins with a barrier after all earlier compute, copies and fills, and ends with one before all later
+/// ones, so the caller has to order only what other stages and queues do to the buffers.
 pub fn record_forward(
     recorder: &mut Recorder<'_>,
     plan: &ForwardPlan,
@@ -165,8 +165,8 @@ pub fn record_forward(
     Ok(())
 }
 
-/// Records the turns of the tiles whose walks take several: row by row and kernel by kernel, because they share the memory of
-/// where the walks stand.
+/// Records the turns of the tiles that are walked in several. The rows and the kernels run one after the other, because
+/// all of them keep the state of their walks in the same `walk_state`.
 fn record_turns(
     recorder: &mut Recorder<'_>,
     plan: &ForwardPlan,

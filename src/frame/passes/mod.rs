@@ -152,7 +152,7 @@ fn reads_together(device: &Device, lanes: u32) -> bool {
     limits.subgroup_shuffle && SUBGROUPS.contains(&lanes) && one_subgroup
 }
 
-/// The lanes of a tile where nobody chooses. Software devices have slow shared memory, so that a tile takes one subgroup.
+/// The lanes of a tile unless the caller chooses. On software devices, whose shared memory is slow, it is a subgroup.
 pub fn default_lanes(device: &Device) -> u32 {
     let most = c::TILE_WIDTH * c::TILE_HEIGHT;
     let size = device.limits().subgroup_size.min(most);
@@ -168,12 +168,12 @@ pub fn small_lanes(device: &Device, lanes: u32) -> u32 {
     if reads_together(device, lanes) { c::SMALL_GROUP } else { lanes }
 }
 
-/// The pixels of the largest item that one lane processes alone: visible in the shaded images, and in the silhouette only.
+/// The pixels of the largest item that one lane processes alone: of items in shaded images, and in the silhouette only.
 ///
-/// A lane alone needs no sums over lanes and walks the rows of its triangle rather than a box, but waits for the largest item
-/// of its subgroup. On lavapipe with eight lanes, of a frame's time of spot: 0.91 at 128² with 256 pixels in place of 32, 0.94
-/// at 512² with 1024 in place of 256. A GPU has more lanes than items; there the silhouette's items may be larger, because
-/// their pixels are less work and their lists are uneven.
+/// A lane alone needs no sums over lanes and walks the rows of its triangle rather than a box, but waits for the
+/// largest item of its subgroup. On lavapipe with eight lanes a frame of spot took 0.91 of the time at 128² with 256
+/// pixels instead of 32, and 0.94 at 512² with 1024 instead of 256. On a GPU the silhouette's items may be larger,
+/// because their pixels are less work.
 pub fn small_pixels(device: &Device, lanes: u32) -> [u32; 2] {
     match device.kind() {
         DeviceKind::Software => [c::LARGE_BOX; 2],

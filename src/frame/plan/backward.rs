@@ -1,11 +1,11 @@
 //! The plan of a backward pass: buffer sizes, dispatch counts and modes, from a saved frame and the gradients wanted.
 //!
-//! Memory in bytes beyond the forward frame's, with the letters of [`crate::frame::plan`], I = S + cells beyond the first
-//! items, and Q the texels of a partial gradient (3; +3 for colours, +2 for UVs, +3 for normals):
+//! Memory in bytes beyond the forward frame's, with the letters of [`crate::frame::plan`], M vertices of all meshes, I
+//! = S + cells beyond the first, and Q texels of a partial gradient (3; +3 for colours, +2 for UVs, +3 for normals):
 //!
-//! `16 (1 + shaded + normal) P + (16 Q + 36) I + 16 (3 + 3 colours + 2 UVs) S + 32 V`, without the third term where all
-//! that is wanted comes from the items' sums, and if asked for `32 P` for the background, `48 S` for camera, σ and γ, `32 S` or
-//! `32 V` for lights, `96 S + 16 V` for smooth shading, `24` a texel; where textures have an alpha `32` a texel and `16 P` more.
+//! `16 (shaded + normal) P + 4 P silhouette + I (16 Q + 4 + 16 shaded + 16 silhouette) + 4 S + 32 M`, the upstream images
+//! and, if needed, `16 (3 + 3 colours + 2 UVs) S` for corners, `32 P` for the background, `48 S` for camera, σ and γ, `32 S`
+//! or `32 V` for lights, `96 S + 16 V` for smooth shading, `24` a texel, or `32` with an alpha.
 //!
 //! Nothing grows with pixels × triangles.
 
@@ -45,7 +45,7 @@ pub struct BackwardPlan {
     pub item_rows: u32,
     /// Whether items of large boxes are processed; if not, the frame has none.
     pub large: bool,
-    /// Turns in which the further cells of triangles are processed that found no room; 0 where there can be none.
+    /// Turns of backward_long over the triangles whose further cells found no room; 0 where there can be none.
     pub long_turns: u32,
     /// Rows of tiles with a list that the pixel gradient runs over; 0 if it runs over all pixels, or not at all.
     pub tile_rows: u32,
@@ -152,7 +152,7 @@ impl BackwardPlan {
         let sum_pixels = has(c::GRADIENT_BACKGROUND) || has(c::GRADIENT_SCALARS);
         let sum_views = has(c::GRADIENT_VIEW) || has(c::GRADIENT_SCALARS);
         let light_rows = if smooth { forward.totals.vertices } else { forward.totals.records };
-        // Whether any gradient depends on triangles; the background's sums over pixels alone.
+        // Whether any gradient depends on triangles. The background's does not.
         let triangles = gradients & !c::GRADIENT_BACKGROUND != 0 && forward.totals.records > 0;
         Self {
             push,
@@ -169,24 +169,24 @@ impl BackwardPlan {
     }
 }
 
-/// Whether all corners at a vertex have one projection, so that their sum is taken through it once: nothing is clipped, and
-/// light stands in no gradient's way. What is wanted is no part of it, so that the gradients by vertices have the same bits with
-/// any others beside them.
+/// Whether the gradients by all corners at a vertex are summed before they go through the vertex's projection, once.
+/// That needs a frame without clipping and without gradients through light or normals. It does not depend on what is
+/// wanted, so that more wanted gradients do not change the bits of those by vertices.
 fn is_per_vertex(input: &BackwardInput, modes: &Modes) -> bool {
     let lit = input.lit && input.upstream.color;
     let walks = vertex_passes(input) <= modes.loop_passes.into();
     walks && modes.near_clip == 0 && modes.smooth == 0 && !lit && !input.upstream.normal
 }
 
-/// Whether some sum needs the gradients by each triangle's corners. Those over vertices do not where they are per vertex.
+/// Whether some sum needs the gradients by each triangle's corners. With `per_vertex` the sums over vertices do not.
 fn sums_corners(modes: &Modes) -> bool {
     let by_vertex = if modes.per_vertex == 0 { 0 } else { c::GRADIENT_GEOMETRY | c::GRADIENT_COLOR };
     modes.gradients & !(c::GRADIENT_BACKGROUND | c::GRADIENT_TEXEL | by_vertex) != 0
 }
 
-/// The most loop passes that vertex_grad.comp can take for one vertex: all its triangles may cover every cell of the image, and
-/// either loop over them takes a last pass to find its end. The room for cells is no part of it, so that gradients have the same
-/// bits with any.
+/// The most loop passes that vertex_grad.comp can take for one vertex: all its triangles may cover every cell of the
+/// image, and either loop over them takes a last pass to find its end. The capacity for cells does not count, so that
+/// gradients have the same bits with any capacity.
 fn vertex_passes(input: &BackwardInput) -> u64 {
     let FramePush { view_count, mesh_count, .. } = input.forward.push;
     let views = if mesh_count == 1 { view_count } else { 1 };
@@ -205,7 +205,7 @@ fn item_rows(input: &BackwardInput) -> u64 {
     items.div_ceil(u64::from(c::FORWARD_ROW))
 }
 
-/// The turns over triangles whose further cells found no room, of CELLS_PER_TURN cells of the largest box each.
+/// The turns of backward_long: each processes CELLS_PER_TURN cells of the triangles whose further cells found no room.
 fn long_turns(forward: &ForwardPlan) -> u32 {
     let cells = image_cells(forward);
     let all = forward.totals.records * u64::from(cells - 1);

@@ -4,8 +4,8 @@ use super::ViewSize;
 use crate::constants as c;
 use crate::scene::{Distance, Settings};
 
-/// How many entries memory is reserved for, in the lists of the bins and the tiles. It is a matter of speed alone: what has
-/// no room is found again wherever it is needed, to the same bits.
+/// How many entries the lists of the bins and the tiles have room for. It affects speed alone: entries without room are
+/// found again wherever they are needed, to the same bits.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Capacity {
     /// Entries of all bins' lists together.
@@ -16,7 +16,7 @@ pub struct Capacity {
     pub cells: u32,
 }
 
-/// Entries of tiles' lists for which there is room without an estimate.
+/// If the tiles' lists cannot have more entries than this, there is room for all of them.
 const FEW: u64 = 1 << 16;
 /// The most entries that lists grow to: their memory is at most some gigabytes.
 const LARGEST: u32 = 1 << 28;
@@ -42,7 +42,7 @@ impl Capacity {
         }
     }
 
-    /// As much of it as fits into buffers of `range` bytes beside the items of `records`.
+    /// The capacity reduced to buffers of `range` bytes, where backward also needs an item for each of the `records`.
     pub fn within(self, range: u64, records: u64) -> Self {
         let most = |entries: u64, capacity: u32| capacity.min(u32::try_from(entries).unwrap_or(u32::MAX));
         let block = 4 * u64::from(c::BLOCK_WORDS);
@@ -68,8 +68,8 @@ impl Capacity {
         more.then(|| self.max(grown))
     }
 
-    /// An estimate for usual meshes, which assumes that each view's triangles have equal areas and cover its image once.
-    /// Of few triangles it is all that they can need. `cutoff` is the squared radius of support from [`Settings::cutoff_of`].
+    /// An estimate for usual meshes: each view's triangles have equal areas and cover its image once. For few triangles
+    /// it is all that they can need. `cutoff` is the squared support radius from [`Settings::cutoff_of`].
     pub fn estimate(settings: &Settings, cutoff: f64, views: &[ViewSize]) -> Self {
         let (w, h) = (f64::from(settings.width), f64::from(settings.height));
         let hard = settings.distance == Distance::Hard;
@@ -85,7 +85,7 @@ impl Capacity {
         };
         let (tiles, bins) = (w * h / 32.0 + 2.0, w * h / 2048.0 + 2.0);
         let entries = |x: f64| x.min(f64::from(1 << 24)) as u32 + 1024;
-        // Where the near plane may cut triangles each has two records.
+        // A triangle that the near plane may cut has two records.
         let records = || views.iter().map(|view| 2 * u64::from(view.triangles));
         let estimate = Self {
             // Every bin's list is rounded up to whole words of 32 entries.

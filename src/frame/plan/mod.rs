@@ -2,16 +2,16 @@
 //!
 //! Memory in bytes, with V vertices and S triangle records over all views (one for each triangle; two if triangles may
 //! cross the near plane), P pixels over all views, B bins (64×32 pixels) of a view and N over all views, T tiles (8×4
-//! pixels) over all views, C and L the capacities of the bins' and the tiles' lists, Q the texels of a shading record (4; +2
-//! with textures, +3 with normals):
+//! pixels) over all views, C and L the capacities of the bins' and the tiles' lists, Q the texels of a shading record
+//! (4; +2 with textures, +3 with normals; 1 for the silhouette alone):
 //!
-//! `32 V + (32 V smooth) + 96 S + 16 Q S + B S/8 + 8 N + 12¼ C + 52 T + 4 L + 16 P colour, or 4 P silhouette alone,
+//! `32 V + (32 V smooth) + 80 S + 16 Q S + B S/8 + 8 N + 12¼ C + 52 T + 4 L + 16 P colour, or 4 P silhouette alone,
 //! + 4 P depth + 16 P normal`, and for backward `16 P + 8 T + 8 S` and 8 a cell (64×32 pixels) that a box has beyond its first.
 //!
 //! Textures with an alpha give the silhouette alone shading records too.
 //!
-//! On a software device, for views of more than some 45,000 records, lists without room are walked in turns, which takes 2836
-//! more for each tile of at most 4096, and where textures have an alpha 2964.
+//! On a software device, for views of more than some 45,000 records, lists without room are walked in several turns.
+//! That takes 2836 bytes more for each of at most 4096 tiles, or 2964 where textures have an alpha.
 //!
 //! Nothing grows with pixels × triangles.
 
@@ -119,7 +119,7 @@ pub struct PlanInput<'a> {
     pub capacity: Capacity,
     /// Whether the frame keeps what backward needs.
     pub save: bool,
-    /// Passes of all loops of an invocation together that the device is trusted with.
+    /// The most loop passes of one invocation, over all its loops, that the device executes correctly.
     pub loop_passes: u32,
     /// The kernels that few frames need; without one of them a frame may be incomplete.
     pub rare: Rare,

@@ -11,7 +11,7 @@ use glam::DVec3;
 /// The smallest and largest corner of a box.
 type Bounds = ([f32; 3], [f32; 3]);
 
-/// How the depths of a frame's meshes compare with its near and far planes. `true` is right if it is not known.
+/// How the depths of a frame's meshes compare with its near and far planes. `true` is safe if the answer is not known.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DepthSpan {
     /// Some triangle may cross the near plane.
@@ -47,8 +47,8 @@ impl DepthSpan {
         Self::of_depths(nearest, farthest, settings)
     }
 
-    /// The same for the mesh's vertices, one by one if the box around them may cross: a camera whose near and far planes lie
-    /// close around a mesh crosses the corners of its box and not the mesh, and a frame in which nothing crosses is faster.
+    /// The same for a mesh. Its vertices are tested one by one if its box may cross a plane: the box of a mesh may
+    /// cross where the mesh does not, and a frame in which nothing crosses is faster.
     pub(crate) fn of_mesh(mesh: &Mesh, bounds: Option<Bounds>, camera: &Camera, settings: &Settings) -> Self {
         let inside = Self { crosses_near: false, crosses_far: false };
         let of_box = Self::of(bounds, camera, settings);
@@ -68,7 +68,7 @@ impl DepthSpan {
         Self { crosses_near: nearest - slack < settings.near, crosses_far: farthest + slack > settings.far }
     }
 
-    /// `true` where it is in either.
+    /// Each field is `true` if it is in either.
     pub fn or(self, other: Self) -> Self {
         Self {
             crosses_near: self.crosses_near || other.crosses_near,
@@ -145,9 +145,9 @@ modes! {
         gradients = "GRADIENTS",
         /// 1: the paper's gradient.
         paper = "PAPER",
-        /// 1: vertices take their gradients from the triangles' sums over pixels, without the stage between.
+        /// 1: vertices take their gradients from the triangles' sums over pixels, without corner gradients between.
         per_vertex = "PER_VERTEX",
-        /// Passes of all loops of an invocation together that the device is trusted with.
+        /// The most loop passes of one invocation, over all its loops, that the device executes correctly.
         loop_passes = "LOOP_PASSES",
     }
 }
@@ -173,8 +173,8 @@ impl Modes {
             (false, true) => c::DEPTH_RANGE_FAR,
             _ => c::DEPTH_RANGE_INSIDE,
         };
-        // Hard colours are those of pixels inside, where both points are the pixel's own. Depths outside matter where the range of
-        // depths decides, and so do texels where they have an alpha.
+        // In the hard mode colours come from pixels inside the triangle, where both points are the pixel's own. Depths
+        // outside matter if the far plane rejects fragments, and texels outside if they have an alpha.
         let hard = s.color == ColorAggregation::Hard;
         let samples_outside = !hard || depth_range != c::DEPTH_RANGE_INSIDE || input.sampling.opacity;
         let lit = !input.lights.is_unlit();
@@ -223,7 +223,7 @@ impl Modes {
 /// still has a resolution of a half, and beyond 2²⁴ it does not hold every integer.
 const LARGEST_SOFT_WEIGHT: f64 = 4_194_304.0;
 
-/// Whether eq. 1, 2, 3 and 5 are computed as the model has them, with log weights that forward_soft can hold.
+/// Whether the frame computes eq. 1, 2, 3 and 5 of the model, with log weights that forward_soft can hold.
 fn is_soft(s: &Settings) -> bool {
     // The scores of eq. 3 lie within 0 and 1, that of the background is ε.
     let largest_weight = s.epsilon.abs().max(1.0) * std::f64::consts::LOG2_E / s.gamma;

@@ -7,17 +7,17 @@ use crate::frame::buffers::Totals;
 /// The dispatches of forward_soft_long and forward_long.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Walks {
-    /// Whether what finds no room in a list is found again where it is needed. If not, a frame may be incomplete.
+    /// Whether entries without room in a list are found again where they are needed. If not, a frame may be incomplete.
     pub wanted: bool,
-    /// Whether they are wanted, and lists can lack room or be longer than the device's loops walk.
+    /// Whether walks are wanted, and lists can lack room or be longer than the device's loops can walk.
     pub needed: bool,
-    /// Turns in which the tiles are processed whose walk takes more passes of loops than the device is trusted with; 0 if
-    /// there are no such tiles.
+    /// Turns that a tile gets if its walk may take more loop passes than the device executes correctly; 0 if there are
+    /// no such tiles.
     pub turns: u32,
 }
 
 impl Walks {
-    /// For a frame with these capacities, if they are wanted.
+    /// The walks of a frame with these capacities, if they are wanted.
     pub fn new(wanted: bool, push: &FramePush, views: &[ViewRange], totals: &Totals, loop_passes: u32) -> Self {
         let bits = u64::from(c::WORD_BITS);
         let bins = u64::from(push.bins_x) * u64::from(push.bins_y);
@@ -25,7 +25,7 @@ impl Walks {
         let most = views.iter().map(|view| u64::from(view.records)).max().unwrap_or(0);
         let coarse: u64 = views.iter().map(|view| bins * u64::from(view.records).next_multiple_of(bits)).sum();
         let has_room = coarse <= push.coarse_capacity.into() && tiles * totals.records <= push.list_capacity.into();
-        // As bin_fine adds them up for a tile with all records of its view on its list, three times over its bin's words.
+        // As bin_fine computes it, for a tile that lists all records of its view: three walks over its bin's words.
         let blocks = most.div_ceil(bits);
         let passes = 3 * (u64::from(c::WALK_GROUP_PASSES) * (blocks / bits + 1) + blocks)
             + u64::from(c::WALK_LIST_PASSES) * (most / bits + 2);

@@ -17,7 +17,7 @@ pub struct CommandBuffer {
     fence: vk::Fence,
     state: State,
     keep: Vec<Keep>,
-    /// What of `keep` submission concerns.
+    /// The mapped buffers and the timestamp marks that `keep` uses.
     uses: Uses,
     dispatches: u32,
 }

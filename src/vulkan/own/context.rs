@@ -17,8 +17,8 @@ use std::sync::{Arc, Mutex};
 /// How to open a device.
 #[derive(Clone, Debug, Default)]
 pub struct ContextOptions {
-    /// An index, or part of a name in any case. None: what SOFTRAS_DEVICE says, else the best one: discrete before
-    /// integrated before virtual before software.
+    /// An index, or part of a name in any case. `None`: the device that SOFTRAS_DEVICE names, else the best one:
+    /// discrete GPUs come before integrated, virtual and software ones.
     pub device: Option<String>,
     /// Run under the validation layer with its checks of synchronization and best practices. SOFTRAS_VALIDATION=1 turns it on as well.
     pub validation: bool,
@@ -54,7 +54,7 @@ pub struct Context {
 pub(super) struct Shared {
     // Before the device: dropping the allocator frees its memory.
     pub(super) allocator: Mutex<Allocator>,
-    /// Submission is from one thread at a time.
+    /// Only one thread at a time may submit.
     pub(super) queue: Mutex<vk::Queue>,
     pub(super) queue_family: u32,
     /// Bits of the memory types that are device-local and that the host maps, coherent and cached, where reading and
@@ -118,7 +118,7 @@ impl Context {
         self.shared.queue_family
     }
 
-    /// Validation is on.
+    /// Whether validation is on.
     pub fn validates(&self) -> bool {
         self.device().owned_instance().is_some_and(Instance::validates)
     }

@@ -34,7 +34,7 @@ impl Loader {
     /// By its vkGetInstanceProcAddr.
     ///
     /// # Safety
-    /// It is that function, and can be called, as all that it returns, for the rest of the process.
+    /// It is that function. It and all functions that it returns can be called for the rest of the process.
     pub unsafe fn new(get_instance_proc_addr: vk::PFN_vkGetInstanceProcAddr) -> Self {
         Self(get_instance_proc_addr)
     }
@@ -118,7 +118,7 @@ impl Instance {
         Ok(instance)
     }
 
-    /// Validation is on.
+    /// Whether validation is on.
     pub(super) fn validates(&self) -> bool {
         self.messenger.is_some()
     }

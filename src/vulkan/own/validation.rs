@@ -17,11 +17,10 @@ const ACCEPTED: [(&str, &str, &str); 4] = [
     ("BestPractices-Error-Result", "", "a call that fails is an error that we return"),
 ];
 
-/// The layer.
 pub(super) const LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
 
-/// What it checks beside the rules of use. The last is part of the first in older layers: without it, newer ones know of no
-/// access that a kernel makes.
+/// The checks to enable besides those of valid usage. The last one belongs to the first in older layers; newer layers
+/// need it to see what memory a kernel accesses.
 const SETTINGS: [&CStr; 3] = [c"validate_sync", c"validate_best_practices", c"syncval_shader_accesses_heuristic"];
 const FEATURES: [vk::ValidationFeatureEnableEXT; 2] =
     [vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION, vk::ValidationFeatureEnableEXT::BEST_PRACTICES];

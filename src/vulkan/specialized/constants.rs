@@ -23,7 +23,7 @@ pub(super) struct Constants {
 }
 
 impl Constants {
-    /// Finds which constants the values are of.
+    /// Gives the values to the specialization constants with their `constant_id`.
     pub(super) fn new(globals: &[Instruction], values: &HashMap<u32, u32>) -> Self {
         let mut constants = Self::default();
         for instruction in globals {
@@ -116,7 +116,7 @@ impl Constants {
         }
     }
 
-    /// The result of an instruction if an id that is not known otherwise has a value.
+    /// The result of an instruction, assuming that an id of unknown value has this value.
     pub(super) fn value_with(&mut self, id: u32, value: u32, instruction: &Instruction) -> Option<u32> {
         self.note(id, value);
         let result = self.value_of(opcode(instruction)?, &instruction[3..]);

@@ -56,13 +56,13 @@ impl Function {
         self.blocks.iter().flat_map(|block| &block.body)
     }
 
-    /// The function without the blocks that no choice leads to.
+    /// The function without the blocks that cannot run.
     pub(super) fn cut(mut self, constants: &Constants) -> Self {
         let mut constants = constants.clone();
         constants.follow(self.bodies());
         self.blocks.iter_mut().for_each(|block| block.choose(&constants));
         let reached = self.reached();
-        // A merge block and the target of `continue` must be there even where nothing leads to them.
+        // A merge block and the target of `continue` must exist even if nothing leads to them.
         let mut ends = HashMap::new();
         for block in self.blocks.iter().filter(|block| reached.contains(&block.label)) {
             ends.extend(block.merge().map(|label| (label, made(Op::Unreachable, &[]))));
@@ -107,7 +107,7 @@ impl Function {
         phis.for_each(|phi| phi[3..].chunks_exact_mut(2).for_each(|pair| pair[1] = resolved(&renamed, pair[1])));
     }
 
-    /// The labels of the blocks that branches lead to from the first.
+    /// The labels of the blocks that can be reached from the first.
     fn reached(&self) -> HashSet<u32> {
         let targets: HashMap<u32, Vec<u32>> = self.blocks.iter().map(|block| (block.label, block.targets())).collect();
         let mut waiting: Vec<u32> = self.blocks.first().map(|block| block.label).into_iter().collect();
@@ -120,7 +120,7 @@ impl Function {
         reached
     }
 
-    /// Leaves to each phi the values of the blocks that still lead to its own.
+    /// Removes from each phi the values of blocks that no longer lead to its own.
     fn fix_phis(&mut self) {
         let mut leading: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
         for block in &self.blocks {
@@ -148,7 +148,7 @@ impl Block {
     /// Turns a choice by a known condition into a branch.
     fn choose(&mut self, constants: &Constants) {
         let [.., merge, branch] = &self.body[..] else { return };
-        // A loop's own condition stands without a selection, and stays: a loop needs its way back.
+        // The condition of a loop has no OpSelectionMerge. It stays, because a loop needs its branch back.
         if opcode(merge) != Some(Op::SelectionMerge) || opcode(branch) != Some(Op::BranchConditional) {
             return;
         }

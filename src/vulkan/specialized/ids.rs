@@ -8,7 +8,7 @@ use std::collections::{BTreeMap, HashMap};
 pub(super) struct Ids {
     /// One more than the largest.
     pub bound: u32,
-    /// The ids that new ones are copies of, and have the decorations of.
+    /// For each new id that copies another, that other: both have the same decorations.
     origins: BTreeMap<u32, u32>,
 }
 
@@ -22,7 +22,7 @@ impl Ids {
         self.bound - 1
     }
 
-    /// A new id for each of these, which results and labels of a copy have in their place.
+    /// A new id for each of these, which replaces it in a copy of the instructions that define it.
     pub(super) fn copies(&mut self, ids: impl Iterator<Item = u32>) -> HashMap<u32, u32> {
         ids.map(|id| {
             let copy = self.fresh();
@@ -32,7 +32,7 @@ impl Ids {
         .collect()
     }
 
-    /// The copies by what they are of.
+    /// The copies of each original id.
     pub(super) fn copied(&self) -> HashMap<u32, Vec<u32>> {
         let mut copied: HashMap<u32, Vec<u32>> = HashMap::new();
         self.origins.iter().for_each(|(&copy, &origin)| copied.entry(origin).or_default().push(copy));
@@ -83,7 +83,7 @@ pub(super) fn renamed(mut instruction: Instruction, map: &HashMap<u32, u32>) -> 
     instruction
 }
 
-/// What stands for an id in the end.
+/// Follows the map from an id to the last one that replaces it.
 pub(super) fn resolved(map: &HashMap<u32, u32>, mut id: u32) -> u32 {
     while let Some(&other) = map.get(&id) {
         id = other;

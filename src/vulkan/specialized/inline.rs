@@ -1,4 +1,4 @@
-//! Calls replaced by what is called.
+//! Replaces calls by the bodies of the functions that they call.
 
 use super::function::{Block, Function};
 use super::ids::{Ids, renamed, result};
@@ -7,8 +7,7 @@ use spirv::Op;
 use std::collections::HashMap;
 
 impl Function {
-    /// The function with every call replaced, as far as that can be done: not those of a function that returns in several
-    /// places.
+    /// The function with its calls replaced, except those of functions that return in several places.
     pub(super) fn inlined(self, all: &HashMap<u32, Self>, done: &mut HashMap<u32, Self>, ids: &mut Ids) -> Self {
         for id in self.calls().collect::<Vec<_>>() {
             if let (None, Some(called)) = (done.get(&id), all.get(&id)) {
@@ -64,7 +63,7 @@ impl Function {
         self.head.iter().filter(|i| opcode(i) == Some(Op::FunctionParameter)).filter_map(|i| result(i))
     }
 
-    /// Whether it returns in one place, which all its blocks lead to.
+    /// Whether it returns in one place, which all its paths lead to.
     fn ends_once(&self) -> bool {
         let ends = |i: &&Instruction| matches!(opcode(i), Some(Op::Return | Op::ReturnValue | Op::Unreachable));
         let last = self.blocks.last().and_then(|block| block.body.last());

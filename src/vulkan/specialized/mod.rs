@@ -4,8 +4,8 @@
 //! functions, loops and variables once more for each loop that it writes out. For it calls are inlined, loops written out and
 //! variables made values as well ([`Depth`]).
 //!
-//! The pass knows what glslang emits: structured control flow, scalars of 32 bits, no debug lines, no `switch`. A call, a loop or a variable
-//! of another form is kept as it is.
+//! The pass knows what glslang emits: structured control flow, scalars of 32 bits, no debug lines, no `switch`. A call,
+//! a loop or a variable of another form is kept as it is.
 
 mod constants;
 mod function;
@@ -103,7 +103,7 @@ pub(super) fn specialized(words: &[u32], values: &HashMap<u32, u32>, depth: Dept
 /// The words before a module's first instruction, and which of them is one more than the largest id.
 const HEADER_WORDS: usize = 5;
 const BOUND: usize = 3;
-/// How often variables are promoted: elements of an array may be known by variables that were promoted before.
+/// How often variables are promoted: indices into an array may become known when other variables were promoted before.
 const ROUNDS: usize = 2;
 
 fn instructions(mut code: &[u32]) -> Vec<Instruction> {

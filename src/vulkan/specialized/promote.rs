@@ -29,7 +29,7 @@ struct Promotion<'a> {
     values: Vec<u32>,
     /// The phis of each block.
     phis: Vec<Vec<Instruction>>,
-    /// What stands for a result that is gone.
+    /// The values that replace removed results.
     same: HashMap<u32, u32>,
     /// The values of the slots in a composite value.
     parts: HashMap<u32, Vec<u32>>,
@@ -87,8 +87,9 @@ impl Function {
         places
     }
 
-    /// The variables that a loop changes and that are used outside of it. As values in registers Mesa 22.3 gives some of them
-    /// others behind the loop: it leaves to itself a lane that has left the loop.
+    /// The variables that a loop changes and that are used outside of it. They stay variables: as values in registers
+    /// some are wrong after the loop in Mesa 22.3, where a lane that has left the loop still takes branches of its
+    /// body.
     fn carried(&self) -> HashSet<u32> {
         let mut bases = HashMap::new();
         let mut stored: HashMap<u32, Vec<&[u32]>> = HashMap::new();
@@ -220,10 +221,10 @@ impl Promotion<'_> {
         }
     }
 
-    /// The value of a slot at the end of a block, or where the block is gone through. What a loop carries on is not promoted, so
-    /// that values come from blocks before alone.
+    /// The value of a slot at the end of a block, or so far in the block that is being processed. Variables that a loop
+    /// carries on are not promoted, so values come only from earlier blocks.
     fn read(&mut self, block: usize, slot: Slot) -> u32 {
-        // Not by recursion: there may be thousands of blocks.
+        // This does not recurse, because there may be thousands of blocks.
         let mut asked = vec![block];
         while let Some(&at) = asked.last() {
             let before = asked.len();
@@ -244,7 +245,7 @@ impl Promotion<'_> {
         &mut self.values[block * self.slots.len() + slot]
     }
 
-    /// The value of a slot that the blocks before leave to a block.
+    /// The value that a slot has when a block begins.
     fn joined(&mut self, block: usize, slot: Slot) -> u32 {
         let pairs = self.leading[block]
             .iter()

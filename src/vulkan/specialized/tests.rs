@@ -22,7 +22,7 @@ fn count(code: &[Instruction], wanted: Op) -> usize {
     code.iter().filter(|i| opcode(i) == Some(wanted)).count()
 }
 
-/// The pass would take the numbers of its cases for ids.
+/// The pass would mistake the numbers of a switch's cases for ids.
 #[test]
 fn no_kernel_has_a_switch() {
     for kernel in kernels::ALL {
@@ -135,7 +135,7 @@ fn control_flow_stays_whole() {
         for value in [0, 1, 2, 8] {
             let code = all_at(kernel, value);
             assert_eq!(problems(&code), [""; 0], "{} at {value}", kernel.name);
-            // The tools see what is wrong.
+            // If this fails, the SPIR-V tools can show what is wrong with the module.
             let without = |op: Op| code.iter().filter(|i| opcode(i) != Some(op)).cloned().collect::<Vec<_>>();
             assert_ne!(problems(&without(Op::Label)), [""; 0], "{} at {value}", kernel.name);
         }
@@ -184,8 +184,8 @@ fn ids_are_defined_before_their_use() {
     }
 }
 
-/// Calls are gone but for those of functions with several returns, and of the loops those with a known number of passes; what
-/// is precise stays so in every copy.
+/// The pass removes all calls except those of functions with several returns, and all loops with a known number of
+/// passes. NoContraction remains on every copy.
 #[test]
 fn calls_and_short_loops_are_written_out() {
     let before = instructions(&kernels::TRIANGLE.spirv[HEADER_WORDS..]);
@@ -252,7 +252,7 @@ fn a_loop_is_written_out_and_its_variables_are_values() {
     let promoted = |function: Function, constants: &mut Constants, ids: &mut Ids| {
         function.promote(&types, constants, ids).cut(constants).into_instructions().collect::<Vec<_>>()
     };
-    // As a loop it carries both on.
+    // While it is a loop, it carries on both variables, so both stay.
     let kept = promoted(Function::parse(&mut code.iter().cloned()), &mut constants, &mut ids);
     assert_eq!(kept, code);
     let mut function = Function::parse(&mut code.into_iter());
@@ -264,7 +264,7 @@ fn a_loop_is_written_out_and_its_variables_are_values() {
     assert!(written.contains(&made(Op::Store, &[99, sums[2][2]])) && written.contains(&made(Op::Store, &[98, 12])));
 }
 
-/// `if (condition) { return; }` with a phi behind it: label 10 chooses between 11 and 12, and 12 joins both.
+/// `if (condition) x = y + y;` with a phi for x: label 10 branches to 11 or 12, and 12 joins both.
 fn choice() -> Vec<Instruction> {
     vec![
         made(Op::Function, &[1, 2, 0, 3]),
@@ -291,7 +291,7 @@ fn a_known_choice_becomes_a_branch_and_phis_follow() {
         let function = Function::parse(&mut choice().into_iter()).cut(&constants);
         function.into_instructions().collect::<Vec<_>>()
     };
-    // What follows without another way in is one block.
+    // Blocks that follow each other without another way in become one.
     let code = cut(&mut on);
     assert_eq!(code[2], made(Op::FAdd, &[4, 20, 6, 6]));
     assert!(code.contains(&made(Op::Phi, &[4, 21, 20, 10])));

@@ -142,7 +142,7 @@ fn reflection_knows_the_interface() {
     assert_eq!(record, Some((48, size_of::<Record>() as u32, &expected[..])));
 }
 
-/// Devices that come and go while other threads make objects on theirs.
+/// Creates and destroys devices while other threads make objects on theirs.
 #[test]
 fn contexts_work_and_go_beside_each_other() -> Outcome {
     let run = || -> crate::Result<()> {

@@ -103,7 +103,7 @@ fn limits_and_memory_are_errors() -> Outcome {
         let huge = Buffer::new(&context, &BufferDesc { name: "huge", size, usage, ..Default::default() });
         assert!(matches!(huge, Err(Error::OutOfMemory { .. } | Error::Limit { .. })), "{huge:?}");
     }
-    // Nothing is as good as sixteen bytes.
+    // A size of 0 is rounded up to 16.
     assert_eq!(Buffer::new(&context, &BufferDesc { size: 0, ..Default::default() })?.size(), 16);
     assert_eq!(context.validation_messages(), Vec::<String>::new());
     Ok(())

@@ -32,7 +32,7 @@ fn a_box_crosses_where_a_corner_does() {
         seen[usize::from(crosses_near) + 2 * usize::from(crosses_far)] += 1;
     }
     assert!(seen[..3].iter().all(|&n| n > 20), "{seen:?}");
-    // Nothing crosses nothing; what touches a plane crosses it.
+    // Without a mesh nothing crosses; a box that touches a plane crosses it.
     let camera = Camera::from_matrix(glam::DMat4::IDENTITY, projection).unwrap();
     assert_eq!(DepthSpan::of(None, &camera, &settings), INSIDE);
     let touching = |low: f32, high: f32| DepthSpan::of(Some(([0.0, 0.0, low], [0.0, 0.0, high])), &camera, &settings);

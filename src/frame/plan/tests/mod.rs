@@ -192,7 +192,7 @@ fn fits(views: &[ViewSize], size: u32) -> bool {
     ForwardPlan::new(&input(&settings, views, &Lights::unlit())).is_ok()
 }
 
-/// As many elements as a signed index of 32 bits counts, and not one more.
+/// A plan may have as many elements as a signed index of 32 bits counts, and not one more.
 #[test]
 fn plans_end_where_indices_do() {
     let view = |vertices: u32, triangles: u32| ViewSize { vertices, triangles };
@@ -219,7 +219,7 @@ fn plans_end_where_indices_do() {
     assert!(matches!(error, Error::Limit { needed: 4_194_305, limit: 4_194_304, .. }), "{error}");
 }
 
-/// What a view's share of the buffers is, with all else before it.
+/// Each view's range in the buffers begins where that of the view before ends.
 #[test]
 fn views_follow_each_other() {
     let views = [ViewSize { vertices: 5, triangles: 40 }, ViewSize { vertices: 7, triangles: 3 }, VIEW];
@@ -235,13 +235,13 @@ fn views_follow_each_other() {
     assert_eq!([bases(0), bases(1), bases(2)], [[0; 4], [5, 80, 4, 4 * 3], [12, 86, 8, 4 * (3 + 1)]]);
     assert_eq!((plan.totals.vertices, plan.totals.records, plan.totals.bins), (812, 86 + 3200, 12));
     assert_eq!((plan.totals.words, plan.totals.tiles, plan.totals.pixels), (4 * (3 + 1 + 100), 3 * 81, 3 * 65 * 33));
-    // No two pieces where the official code has none.
+    // The official code does not clip, so each triangle has one record.
     let settings = Settings { parity: Parity::Official, ..settings };
     let plan = ForwardPlan::new(&PlanInput { depth_span: crosses, ..input(&settings, &views, &lights) }).unwrap();
     assert_eq!(plan.totals.records, 43 + 1600);
 }
 
-/// What depths can do to an image, and what the official code does.
+/// Whether fragments beyond far are rejected depends on the depths, but not under official parity.
 #[test]
 fn depth_ranges_are_those_of_the_parity() {
     let lights = Lights::unlit();
@@ -279,8 +279,8 @@ fn workgroups_go_on_in_rows() {
     assert_eq!((forward.sizes[BufferId::TileCounts], plan.sizes[BufferId::Totals]), (256 * 48, 3 * 48));
 }
 
-/// A vertex takes its gradients from the triangles alone where one loop can walk all cells of all its triangles; the room for
-/// cells is no matter, because gradients must have the same bits with any.
+/// Vertices take their gradients from the triangles without a stage between if one loop can walk all cells of all
+/// triangles at a vertex. The capacity for cells does not count, because gradients must have the same bits with any.
 #[test]
 fn the_stage_between_depends_on_the_most_corners_and_not_on_the_room() {
     let (settings, lights) = (Settings { width: 512, height: 512, ..Settings::default() }, Lights::unlit());
