@@ -1,8 +1,8 @@
 //! Compiles `glsl/*.comp` to SPIR-V, reflects each module, and writes into OUT_DIR what the library includes:
 //! `kernels.rs` (one `Kernel` for each file, or for each of its variants) and `constants.rs` (the constants that both sides share).
 //!
-//! Without a GLSL compiler it takes the SPIR-V of `glsl/spirv`. The environment variable SOFTRAS_SPIRV chooses otherwise:
-//! `write` compiles and replaces that folder, `check` compiles and compares with it, `packaged` takes it in any case.
+//! Without a GLSL compiler it takes the SPIR-V of `glsl/spirv`. The variable SOFTRAS_SPIRV chooses otherwise: `write`
+//! compiles and replaces that folder, `check` compiles and compares with it, `packaged` never compiles.
 
 #[path = "build/compile.rs"]
 mod compile;
@@ -137,7 +137,7 @@ fn write_packaged(compiler: &compile::Compiler, modules: &[Module]) -> Result<()
     Manifest::of(&compiler.version()?)?.write()
 }
 
-/// Compares with the packaged SPIR-V: byte for byte where the same compiler made both, by the kernels' interfaces elsewhere.
+/// Compares with the packaged SPIR-V: byte for byte if the same compiler made both, else by the interfaces.
 fn check_packaged(compiler: &compile::Compiler, modules: &[Module]) -> Result<(), String> {
     let current = Manifest::of(&compiler.version()?)?;
     let packaged = Manifest::read()?.ok_or(format!("there is no glsl/spirv. {}", packaged::REWRITE))?;

@@ -1,7 +1,7 @@
 //! What recording costs the host's thread: a forward and a backward pass into a command buffer, nothing executed.
 //!
 //! `cargo bench --bench record`
-// A host's half of a contract of raw handles.
+// It plays the host and passes raw Vulkan handles.
 #![allow(unsafe_code, clippy::undocumented_unsafe_blocks, clippy::unwrap_used, clippy::expect_used)]
 
 #[path = "../examples/engine/mod.rs"]

@@ -1,8 +1,8 @@
 //! Where a triangle is sampled outside itself: `cargo bench --bench surface_point`.
 //!
-//! For both surface points, over the pixels of a picture that are no outline: the share whose depth differs from a hard renderer's by more
-//! than 5 % of the range, and the error of colour against a hard renderer of 16 times the samples. Then how rough the gradient
-//! is, and the time of forward and backward, nearest over clip.
+//! For both surface points it measures, over the pixels of a picture that are no outline, the share whose depth differs
+//! from a hard renderer's by more than 5 % of the range, and the error of colour against a hard renderer of 16 times
+//! the samples. Then how rough the gradient is, and the time of forward and backward, nearest over clip.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 mod subject;
@@ -58,7 +58,7 @@ fn main() {
     }
 }
 
-/// The needle's far end comes to stand beside the plate if it is seen from the front.
+/// Seen from the front, the needle's far end lies beside the plate.
 fn view_of(name: &str) -> Camera {
     let front = || Camera::from_angles(DISTANCE, 0.0, 0.0, Projection::Perspective { fov_y: FOV.to_radians() });
     if name == "sliver" { front() } else { camera(30.0) }.expect("a camera")

@@ -13,7 +13,7 @@ pub struct Compiled {
     pub warnings: Vec<String>,
 }
 
-/// The error where SPIR-V can come from nowhere.
+/// The error if there is neither a compiler nor packaged SPIR-V.
 pub const MISSING: &str = "no GLSL compiler found, and no compiled kernels in glsl/spirv.\n\
     Either install a compiler so that `glslc` or `glslangValidator` is on the PATH or in $VULKAN_SDK/bin \
     (Debian, Ubuntu: apt install glslang-tools; Fedora: dnf install glslang; macOS: brew install glslang; \

@@ -22,7 +22,7 @@ impl Manifest {
         Ok(Self { sources: hash_of_sources()?, compiler: compiler.to_string() })
     }
 
-    /// Reads it; `None` where there is no such folder.
+    /// Reads it; `None` if the folder does not exist.
     pub fn read() -> Result<Option<Self>, String> {
         let path = Path::new(FOLDER).join("MANIFEST");
         if !path.is_file() {
@@ -36,7 +36,6 @@ impl Manifest {
         Ok(Some(Self { sources: field("sources ")?, compiler: field("compiler ")? }))
     }
 
-    /// Writes it.
     pub fn write(&self) -> Result<(), String> {
         let Self { sources, compiler } = self;
         let text = format!("Written by `SOFTRAS_SPIRV=write cargo check`.\nsources {sources}\ncompiler {compiler}\n");
@@ -82,7 +81,7 @@ pub fn clear() -> Result<(), String> {
 
 /// The FNV-1a hash of every GLSL file and of the table of variants, each with its path, whatever the line endings.
 fn hash_of_sources() -> Result<String, String> {
-    // What decides the SPIR-V: the macros of the variants too.
+    // The macros of the variants decide the SPIR-V too.
     let mut files = vec![PathBuf::from("build/variants.rs")];
     collect(Path::new("glsl"), &mut files)?;
     files.sort();

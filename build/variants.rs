@@ -2,7 +2,7 @@
 
 use super::compile::Macro;
 
-/// What is added to a file's name for a variant's, and its macros.
+/// A variant: the suffix that its name has after the file's, and its macros.
 type Variant = (&'static str, &'static [Macro]);
 
 const BY_LANES: Variant = ("_subgroup", &[("SUBGROUP_RECORDS", "1")]);

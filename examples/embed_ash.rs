@@ -29,8 +29,8 @@ const IN_FLIGHT: usize = 2;
 /// Where the first vertex is to go, and where it starts.
 const TARGET: [f32; 3] = [0.7, 0.8, 0.0];
 const START: [f32; 3] = [-0.1, 0.5, 0.0];
-/// x, y, z, r, g, b of the other vertices, and two triangles.
 const COLOR: [f32; 3] = [0.9, 0.2, 0.2];
+/// x, y, z, r, g, b of the other vertices, and two triangles.
 const REST: [[f32; 6]; 3] =
     [[-0.8, -0.4, 0.0, 0.2, 0.7, 0.3], [0.0, -0.9, 0.0, 0.2, 0.3, 0.9], [0.8, -0.3, 0.0, 0.9, 0.9, 0.9]];
 const INDICES: [u32; 6] = [0, 1, 2, 0, 2, 3];
@@ -83,7 +83,7 @@ fn fragment() -> @location(0) vec4<f32> {
     return vec4(1.0, 0.8, 0.1, 1.0);
 }";
 
-/// What came out.
+/// The results of a run.
 pub struct Report {
     /// Where the first vertex ended.
     pub vertex: [f32; 3],
@@ -133,7 +133,7 @@ struct Shared {
 pub fn run(path: Option<&Path>, validation: bool) -> Outcome<Report> {
     let engine = Engine::new(validation)?;
     let log = engine.log();
-    // Could be asked before there is a device.
+    // This check could run before a device is made.
     let about = Requirements::new().validate(&engine.host_adapter())?;
     println!("softras on {}", about.name);
     let rasterizer = Rasterizer::new(&engine.host_device())?;
@@ -170,7 +170,7 @@ pub fn run(path: Option<&Path>, validation: bool) -> Outcome<Report> {
     Ok(Report { vertex: [vertex[0], vertex[1], vertex[2]], target: TARGET, pixels, messages })
 }
 
-/// One frame.
+/// Records one frame.
 fn record(engine: &Engine, shared: &Shared, flight: &Flight, commands: vk::CommandBuffer) -> Outcome<()> {
     use vk::{AccessFlags as A, ImageLayout as L, PipelineStageFlags as S};
     let (device, pass) = (engine.device(), &flight.soft.pass);
@@ -181,12 +181,12 @@ fn record(engine: &Engine, shared: &Shared, flight: &Flight, commands: vk::Comma
     pass.record_backward(&mut host)?;
     shared.adam.dispatch(commands, flight.adam, 1);
 
-    // softras' image straight into the engine's.
+    // softras stores its image into the engine's image.
     let image = |from, to, source, target| image_barrier(device, commands, flight.image.raw, from, to, source, target);
     let stored = (S::COMPUTE_SHADER, A::SHADER_WRITE);
     image(L::UNDEFINED, L::GENERAL, (S::TRANSFER, A::empty()), stored);
     pass.record_store(&mut host, &flight.stored)?;
-    // The engine's own triangles from the vertices that Adam just moved.
+    // The engine draws its own triangles from the vertices that Adam just moved.
     let moved =
         [vk::MemoryBarrier::default().src_access_mask(A::SHADER_WRITE).dst_access_mask(A::VERTEX_ATTRIBUTE_READ)];
     let none = vk::DependencyFlags::empty();
@@ -196,7 +196,7 @@ fn record(engine: &Engine, shared: &Shared, flight: &Flight, commands: vk::Comma
     let indices = (shared.indices.raw, 0, INDICES.len() as u32);
     shared.overlay.draw(commands, flight.framebuffer, (shared.vertices.raw, 0), indices);
 
-    // For the host to look at.
+    // The image is copied to where the host can read it.
     image(L::COLOR_ATTACHMENT_OPTIMAL, L::TRANSFER_SRC_OPTIMAL, drawn, (S::TRANSFER, A::TRANSFER_READ));
     let copy = pass.plan().image_copy(BufferId::Color, 0, &flight.picture.whole()).ok_or("no colour")?;
     unsafe {

@@ -26,10 +26,9 @@ SOFT, WALK = "glsl/forward_soft.comp", "glsl/common/walked_tile.glsl"
 PAIR, PIXELS = "glsl/common/pair_gradient.glsl", "glsl/common/pair.glsl"
 ROWS = "glsl/common/item_pixels.glsl"
 
-# What is broken, where, the text, what stands there instead, and the tests that should see it: a module of `cargo test --test
-# quick`, with `unit ` before it one of the library's unit tests, with `fit `, `io ` or `lab ` one of that
-# package's tests, with `full ` one that only the full tier's sizes let see it, with `layers ` one that the validation layers
-# let see it, as in the gate.
+# Each fault: what is broken, the file, the text, its replacement, and the tests that should see it. These are a module of
+# `cargo test --test quick`. With `unit ` before it, it is one of the library's unit tests, with `fit `, `io ` or `lab ` one of
+# that package's tests. With `full ` it needs the full tier's sizes to see the fault, with `layers ` the validation layers.
 FAULTS = [
     ("remeshing that leaves the surface", "crates/softras-fit/src/remesh/surface.rs", "(self.positions[v], self.sizes[v]) = (point, size);",
      "(self.positions[v], self.sizes[v]) = (0.5 * (self.positions[v] + point), size);", ["fit remesh::no_detail"]),
@@ -147,7 +146,7 @@ FAULTS = [
      ["lab drawn::the_pieces"]),
     ("opacity left out of the others' product", PAIR, "LEAST_APART && own > g.least ? g.least / own : 1.0", "1.0",
      ["modes::every_pair_of_choices_agrees"]),
-    # Of the Rust side, where the tests need no device.
+    # Faults of the Rust side, in code whose tests need no device.
     ("rounding of the layers' sums kept", "glsl/common/pixel.glsl", "precise float term = word - excess * keep;",
      "precise float term = word;", ["robustness::layers::"]),
     ("faint layers rounded beside 1", SOFT, "w[i].growth += w[i].growth * d[i].e + d[i].e;",
@@ -167,7 +166,7 @@ FAULTS = [
     ("support: tau twice", "src/scene/support.rs", "Background::Composite => self.tau / 2.0",
      "Background::Composite => self.tau", ["render::support::"]),
 
-    # Of the host's side: what reads and writes files, fits, plans and records.
+    # Faults of the host's side: reading and writing files, fitting, planning and recording.
     ("optimizer: no momentum", "crates/softras-fit/src/optimizer.rs", "*m = momentum * *m + g;", "*m = *g;",
      ["fit optimizers::steps_are_those"]),
     ("optimizer: bias of the square kept", "crates/softras-fit/src/optimizer.rs", "((*v / c2).sqrt() + epsilon)", "(v.sqrt() + epsilon)",
@@ -309,7 +308,7 @@ def run(command, folder, target, limit, more):
         out, errors = process.communicate(timeout=limit)
         return subprocess.CompletedProcess(command, process.returncode, out, errors)
     except subprocess.TimeoutExpired:
-        # The test itself too, not cargo alone.
+        # This stops the test itself too, not cargo alone.
         os.killpg(process.pid, signal.SIGKILL)
         process.communicate()
         return None
@@ -368,7 +367,7 @@ def main():
                 (folder / name).parent.mkdir(parents=True, exist_ok=True)
                 shutil.copy2(ROOT / name, folder / name)
         target = arguments.target or folder / "target"
-        # Whole, none of these tests may fail: else they would catch anything.
+        # Without a fault none of these tests may fail; a test that always fails would catch anything.
         whole = [] if arguments.trust else sorted({test for fault in chosen for test in fault[4]})
         failing = caught_by(folder, target, whole, arguments.patience)
         if failing:

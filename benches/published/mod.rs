@@ -68,7 +68,7 @@ fn largest(ours: &[f64], reference: &[f64]) -> f64 {
     differences.fold(0.0, |most, d| if d.is_nan() { f64::INFINITY } else { d.max(most) })
 }
 
-/// What has no point on the curve, and why.
+/// Renderers without a point on the curve, and why.
 pub const NO_POINT: [&str; 3] = [
     "PyTorch3D, deodr: their outputs are not in ../shared/reference, so that their errors are not measured here. PyTorch3D's \
      largest error of alpha on this scene is known as 0.13 with K = 50 and 0.995 with K = 10; deodr is not soft.",

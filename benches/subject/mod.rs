@@ -1,9 +1,9 @@
-//! What the benches look at.
+//! The mesh that the benches render.
 
 use softras::{Mesh, shapes};
 use std::path::Path;
 
-/// A mesh of `../shared/meshes` where it is to be had, else the crate's own fish, which the argument `fish` asks for.
+/// A mesh of `../shared/meshes`, or the crate's own fish if that is not there or the argument `fish` asks for it.
 pub fn mesh(name: &str) -> (String, Mesh) {
     if asked("fish") {
         return ("fish".to_string(), shapes::fish().expect("the crate's own mesh"));

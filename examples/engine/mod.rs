@@ -53,7 +53,7 @@ pub struct Image {
     core: Arc<Core>,
 }
 
-/// A command buffer and a fence: what one frame in flight takes.
+/// A command buffer and a fence: one frame in flight needs both.
 pub struct Commands {
     pub raw: vk::CommandBuffer,
     pool: vk::CommandPool,
@@ -78,7 +78,7 @@ impl Engine {
         let log = Arc::new(Log::default());
         let application = vk::ApplicationInfo::default().api_version(vk::API_VERSION_1_1);
         let info = vk::InstanceCreateInfo::default().application_info(&application);
-        // Tests make and destroy many engines at once; a program with one device does without.
+        // Tests make and destroy many engines at once; a program with one device does not need this lock.
         let turn = changing_devices();
         let instance = match validation {
             true => unsafe { validation::instance(&entry, info, &log) }?,

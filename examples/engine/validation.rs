@@ -9,8 +9,8 @@ pub type Log = Mutex<Vec<String>>;
 
 const LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
 
-/// What it checks beside the rules of use. The last is part of the first in older layers: without it, newer ones know of no
-/// access that a kernel makes.
+/// The checks to enable besides those of valid usage. The last one belongs to the first in older layers; newer layers
+/// need it to see what memory a kernel accesses.
 const SETTINGS: [&CStr; 3] = [c"validate_sync", c"validate_best_practices", c"syncval_shader_accesses_heuristic"];
 const FEATURES: [vk::ValidationFeatureEnableEXT; 2] =
     [vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION, vk::ValidationFeatureEnableEXT::BEST_PRACTICES];
@@ -30,8 +30,8 @@ const ACCEPTED: [(&str, &str, &str); 7] = [
     ("BestPractices-Error-Result", "", "a call that fails is an error of who calls, and tests make calls fail"),
 ];
 
-/// Makes an instance under the layer, which is told what to check by VK_EXT_layer_settings, or where it does not have that by
-/// its predecessor.
+/// Makes an instance under the layer. VK_EXT_layer_settings tells the layer what to check, or its predecessor if the
+/// layer does not have it.
 ///
 /// # Safety
 /// As of vkCreateInstance; the log outlives the instance.

@@ -19,7 +19,7 @@ pub type Errors = Vec<(&'static str, f64)>;
 
 pub const ALL_OUTPUTS: Outputs = Outputs::ALL;
 
-/// A case that no seed has made.
+/// A case made by hand, without a seed.
 pub fn made_case(scene: Scene, cameras: Vec<Camera>, settings: Settings) -> Case {
     Case { seed: 0, kind: Kind::Plain, scene, cameras, settings }
 }
@@ -129,7 +129,7 @@ pub fn matching(some: &Gradients, all: &Gradients) -> Vec<(Numbers, Numbers)> {
     pairs.map(|i| (some[i].clone(), find(some[i].0, place(i)).expect("all has it"))).collect()
 }
 
-/// The number that is farthest off, for people.
+/// A message that names the number that is farthest off.
 pub fn worst_number(group: &Group) -> String {
     let off = |i: usize| (group.ours[i] - group.reference[i]).abs();
     let worst = (0..group.ours.len()).max_by(|&a, &b| off(a).total_cmp(&off(b)));
@@ -154,7 +154,7 @@ pub fn check(
     let errors = agreement::errors(case.subject(), upstream, mode, &ours, (tolerance.usual, tolerance))?;
     let wrong: Vec<usize> = (0..errors.len()).filter(|&i| errors[i].1 > tolerance.worst).collect();
     if wrong.is_empty() {
-        // What nothing depends on is 0 in both, and says nothing.
+        // A gradient on which nothing depends is 0 in both, and says nothing about accuracy.
         let some = errors.iter().filter(|(group, error)| *error > 0.0 || norm(&group.reference) > 0.0);
         return Ok(some.map(|(group, error)| (group.name, *error)).collect());
     }

@@ -1,5 +1,5 @@
-//! The table of modes: the [`FACTORS`] that kernels are compiled for, each choice of one [`alone`], and [`PAIRWISE`] the fewest
-//! scenes that hold every pair of choices.
+//! The table of modes: the [`FACTORS`] that kernels are compiled for, scenes with one choice of a factor ([`alone`]),
+//! and the fewest scenes in which every pair of choices occurs ([`PAIRWISE`]).
 
 use super::{
     random::Random,
@@ -17,10 +17,10 @@ use softras::{
 /// Changes a case of the paper's modes into one of a mode.
 pub type Change = fn(&mut Case);
 
-/// What a mode chooses, and between what: the settings that kernels are compiled for, one factor for each specialization
-/// constant or group of them. The first choice changes nothing, but for textures. `OUTPUTS` has some of its sixteen values;
-/// `SAVE` and the paper's gradient are in [`pairwise`]. Guaranteed support is not among them: which pairs it keeps is bounded
-/// and not fixed, so that its tests (tests/quick/render/support.rs) compare with that bound.
+/// The factors of a mode, each with its choices: the settings that kernels are compiled for, one factor for each
+/// specialization constant or group of them. The first choice changes nothing, but for textures. `OUTPUTS` has some of
+/// its sixteen values; `SAVE` and the paper's gradient are in [`pairwise`]. Guaranteed support is not there: it is
+/// tested by its bound (tests/quick/render/support.rs).
 pub const FACTORS: [(&str, &[Change]); 10] = [
     ("COLOR_MODE", &[|_| {}, |c| c.settings.color = ColorAggregation::Hard]),
     (
@@ -89,11 +89,11 @@ pub const FACTORS: [(&str, &[Change]); 10] = [
     ),
 ];
 
-/// Choices of the [`FACTORS`], in their order, and of the gradient: 0 the exact one, 1 the paper's. Every pair of choices is in
-/// some row, which a test holds, and so are the larger combinations that have code of their own: front faces in official parity
-/// under a hard colour and under a composite background, and cut-outs in a sum cut at near, in hard modes and in perspective.
-/// A greedy search found these rows. None has cells of colour in perspective and in official parity: there rounding decides whether a
-/// corner's barycentric is 1, from where on the official lookup leaves the triangle's cells.
+/// Each row has a choice of each of the [`FACTORS`], in their order, and of the gradient: 0 the exact one, 1 the
+/// paper's. A test checks that every pair of choices is in some row, and so are the larger combinations that have code
+/// of their own: front faces in official parity under a hard colour and under a composite background, and cut-outs in a
+/// sum cut at near, in hard modes and in perspective. A greedy search found these rows. None has colour cells in
+/// perspective and official parity: there rounding decides whether the lookup leaves the triangle's cells.
 pub const PAIRWISE: [&str; 25] = [
     "12201132110",
     "01111033001",

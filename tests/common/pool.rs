@@ -1,4 +1,4 @@
-//! What tests take: a renderer on loan from a pool, and how many cases.
+//! A pool that lends renderers to tests, and the number of cases that a test runs.
 #![allow(dead_code, clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 use softras::{Renderer, RendererOptions};
@@ -8,8 +8,8 @@ use std::sync::{Mutex, PoisonError};
 /// Renderers that no test uses, with the kernels that they have compiled.
 static IDLE: Mutex<Vec<Renderer>> = Mutex::new(Vec::new());
 
-/// A renderer on loan. Under the validation layers these must have had nothing to say when it goes; one of the pool goes back
-/// there, unless its test fails.
+/// A renderer on loan. When it is dropped, the validation layers must have reported nothing. A renderer of the pool
+/// then returns there, unless its test fails.
 pub struct Loan {
     renderer: Option<Renderer>,
     pooled: bool,
@@ -65,12 +65,12 @@ pub fn validates() -> bool {
     std::env::var("SOFTRAS_VALIDATION").is_ok_and(|value| value == "1")
 }
 
-/// What the quick tier takes, or the full one: `SOFTRAS_TIER=full`.
+/// The first value in the quick tier, the second in the full one: `SOFTRAS_TIER=full`.
 pub fn tier<T>(quick: T, full: T) -> T {
     if std::env::var("SOFTRAS_TIER").is_ok_and(|tier| tier == "full") { full } else { quick }
 }
 
-/// How many random cases: `SOFTRAS_CASES`, else what the tier takes.
+/// The number of random cases: `SOFTRAS_CASES`, else that of the tier.
 pub fn case_count(quick: u64, full: u64) -> u64 {
     std::env::var("SOFTRAS_CASES").map_or(tier(quick, full), |count| count.parse().expect("SOFTRAS_CASES is a number"))
 }

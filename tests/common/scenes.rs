@@ -94,7 +94,7 @@ pub fn random_settings(random: &mut Random, kind: Kind) -> Settings {
         width: random.log_range(6.0, 130.0) as u32,
         height: random.log_range(6.0, 100.0) as u32,
         sigma: random.log_range(1e-6, 1e-2),
-        // The cut triangles are large and (far - near) small: at 10³ e-foldings a world unit rounding still hides.
+        // Cut triangles are large and (far - near) is small: log weights may change by 10³ a world unit, no more.
         gamma: random.log_range(1e-5, 1.0).max(if kind == Kind::Clipped { 1e-3 / (far - near) } else { 0.0 }),
         epsilon: random.choose(&[1e-3, 0.0, 0.9, -0.5]),
         tau: random.log_range(1e-6, 1e-1),
@@ -136,7 +136,7 @@ pub fn random_projection(random: &mut Random, settings: &Settings) -> Projection
             cy: height * random.range(0.3, 0.7),
         },
         3 => {
-            // It acts on pixels, so its terms are in powers of the image's side: some per cent at the border.
+            // Distortion is of pixels, so its terms are in powers of the image's side: some per cent at the border.
             let side: f64 = random.range(100.0, 600.0);
             let powers = [-2, -4, -1, -1, -6].map(|power| side.powi(power));
             let most = [0.1, 0.02, 0.01, 0.01, 0.005];

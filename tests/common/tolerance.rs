@@ -15,8 +15,8 @@ pub struct Tolerance {
     pub left_out: f64,
 }
 
-/// The main promise: every image of every scene within 2e-5 of the f64 model. It covers γ (far - near) ≥ 1e-4 world
-/// units: softer depth orders than that tell apart depths that f32 positions of a few units cannot.
+/// The main promise: every image of every scene is within 2e-5 of the f64 model. It covers γ (far - near) ≥ 1e-4 world
+/// units: a sharper order would depend on depths that f32 positions of a few units cannot tell apart.
 ///
 /// Margin: the kernels' squared distances are good to about 1e-5 of the cut-off's, their depths to 1e-6; 1e-4 leaves
 /// room for both. A pixel of a soup lies near some hundred cut-offs, each at a margin below 1e-4 for one pixel in 10⁴, so

@@ -27,8 +27,8 @@ import tempfile
 HOME = pathlib.Path(__file__).resolve().parent.parent.parent
 CACHE = HOME / "target" / "drivers"
 SUITES = ["render", "gradient", "modes", "embed"]
-# What the gate runs on SwiftShader beside `check`, which compares images and gradients with the model, and their bits on
-# repeat: one hazard of images, one of gradients.
+# The tests that the gate runs on SwiftShader besides `check`, which compares images and gradients with the model and
+# their bits on repeat: one hazard of images, one of gradients.
 SHORT = {
     "render": ["render::forward::log_weights"],
     "gradient": ["gradient::hazards::shared_edge"],
@@ -70,7 +70,8 @@ def mesa():
 
 
 def width128():
-    # The graphics pipeline with which that example draws its own triangles breaks the heap of the process, softras or not.
+    # That example draws its own triangles with a graphics pipeline that corrupts the process's heap, with or without
+    # softras.
     without = ["the_example_fits_its_vertex_and_draws_its_own"]
     return Driver({"SOFTRAS_DEVICE": "llvmpipe", "LP_NATIVE_VECTOR_WIDTH": "128"}, without=without)
 
@@ -109,7 +110,7 @@ def swiftshader():
         with tempfile.TemporaryDirectory() as unpacked:
             download("chromium-common", unpacked)
             folder.mkdir(parents=True, exist_ok=True)
-            # The description last: where it is, the library is there too.
+            # The description is written last: if it exists, the library exists too.
             for name in ("libvk_swiftshader.so", "vk_swiftshader_icd.json"):
                 found = list(pathlib.Path(unpacked).rglob(name))
                 if not found:
@@ -140,7 +141,7 @@ def mesa25():
             raise Missing(f"debootstrap: {done.stdout.strip().splitlines()[-1:]}")
     inside = folder / str(HOME).lstrip("/")
     inside.mkdir(parents=True, exist_ok=True)
-    # Mounts of a namespace of its own, which ends with the command.
+    # The mounts are in a namespace of their own, which ends with the command.
     script = f"""mount --bind '{HOME}' '{inside}' && mount --rbind /proc '{folder}/proc' && mount --rbind /dev '{folder}/dev' &&
         exec chroot '{folder}' sh -c 'cd "{HOME}" && exec "$@"' run "$@" """
     return Driver({"SOFTRAS_DEVICE": "llvmpipe"}, ["unshare", "--mount", "sh", "-c", script, "run"])

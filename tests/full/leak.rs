@@ -27,7 +27,7 @@ const SLACK: u64 = 4 << 20;
 fn ten_thousand_frames_leak_nothing() {
     let _guard = shim::lock();
     let before = resident();
-    // So large that the allocator takes it from the system, not from what an earlier test has given back.
+    // The block is so large that the allocator takes it from the system, not from what an earlier test freed.
     let block = std::hint::black_box(vec![1u8; 16 * SLACK as usize]);
     assert!(resident() > before + SLACK, "a leak would not be seen");
     drop(block);
@@ -74,7 +74,7 @@ fn ten_thousand_frames_leak_nothing() {
     drop((frame, rasterizer));
     let objects = shim::objects();
     println!("made and destroyed: {objects:?}");
-    // Kernels are compiled once, all else is bound a hundred times.
+    // Kernels are compiled once; everything else is bound a hundred times.
     let made = |kind: &str| objects.get(kind).map_or(0, |[made, _]| *made);
     assert!(made("BufferView") > 1000 && made("DescriptorPool") == 200 && made("Pipeline") > 10, "{objects:?}");
     assert!(objects.values().all(|[made, destroyed]| made == destroyed), "{objects:?}");
@@ -88,8 +88,8 @@ fn growth(times: u32, work: impl Fn()) -> u64 {
     resident().saturating_sub(settled)
 }
 
-/// A renderer that renders and differentiates destroys all that it made, and frees all that Rust allocated for it. What
-/// the process still grows by is the memory in which the driver compiles kernels: a renderer that compiles none leaves as
+/// A renderer that renders and differentiates destroys all that it made, and frees all that Rust allocated for it. The
+/// process still grows by the memory in which the driver compiles kernels: a renderer that compiles none leaves as
 /// little behind as a bare device of a foreign engine.
 #[test]
 fn renderers_that_come_and_go_leave_nothing_behind() {

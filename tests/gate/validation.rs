@@ -6,7 +6,7 @@ use ash::vk;
 use gpu_allocator::MemoryLocation;
 use softras::{CacheFolder, Camera, Error, Renderer, RendererOptions, Scene, Settings, shapes};
 
-/// The layer looks at what is recorded; a frame without barriers is not executed.
+/// The layer checks commands when they are recorded, so the frame without barriers need not be executed.
 #[test]
 fn a_missing_barrier_is_reported() {
     let _turn = shim::lock();
@@ -22,7 +22,7 @@ fn a_missing_barrier_is_reported() {
     assert!(messages.iter().any(|m| m.contains("SYNC-HAZARD")), "{messages:?}");
 }
 
-/// Needs a layer that looks from one submission to the next, which `VK_LAYER_ENABLES` turns on in that of Debian 12.
+/// Needs checks across submissions. In the layer of Debian 12 the variable `VK_LAYER_ENABLES` turns them on.
 #[test]
 fn a_race_between_submissions_is_reported() {
     let engine = Engine::new(true).unwrap();

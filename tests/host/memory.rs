@@ -21,7 +21,7 @@ impl Memory {
         self.live.load(Ordering::Relaxed)
     }
 
-    /// So many more succeed.
+    /// Lets this many more allocations succeed.
     pub fn allow(&self, count: i64) {
         self.left.store(count, Ordering::Relaxed);
     }

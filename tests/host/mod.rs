@@ -1,5 +1,5 @@
 //! What the tests of the embedded API share: the examples' engine, a pass in its memory, a submission.
-// A host's half of a contract of raw handles. Not every test needs every part.
+// It plays the host and passes raw Vulkan handles. Not every test needs every part.
 #![allow(unsafe_code, dead_code, clippy::undocumented_unsafe_blocks)]
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
@@ -24,7 +24,7 @@ pub fn engine() -> Engine {
     Engine::new(validates()).expect("a Vulkan device")
 }
 
-/// The engine goes; the layers must have had nothing to say, leaks included.
+/// Drops the engine. The validation layers must have reported nothing, leaks included.
 pub fn assert_silent(engine: Engine) {
     let log = engine.log();
     drop(engine);
@@ -50,7 +50,7 @@ impl Memory {
     pub fn new(engine: &Engine, plan: &PassPlan) -> Self {
         let [upload, device, readback] = plan.memory().map(|needed| {
             let mut buffer = engine.buffer(needed.size, needed.usage, MemoryLocation::GpuToCpu).unwrap();
-            // What nobody writes must not matter.
+            // The pass must not depend on bytes that nobody wrote.
             buffer.bytes_mut().fill(0xcd);
             buffer
         });
@@ -130,7 +130,7 @@ impl Host {
         self
     }
 
-    /// Executed, with room in its lists.
+    /// A host that has executed the pass with room in its lists.
     pub fn whole(engine: &Engine, rasterizer: &Rasterizer, mut plan: PassBuilder, upstream: &ImageGradient) -> Self {
         loop {
             let host = Self::new(engine, rasterizer, plan.clone()).with_upstream(upstream);

@@ -175,7 +175,7 @@ fn pair(triangles: &Triangles, s: &Settings, triangle: usize, pixel: Point) -> O
 }
 
 impl Pair {
-    /// Behind the last triangle's cells there is nothing.
+    /// A cell behind the last triangle's is black.
     fn color(&self, triangles: &Triangles) -> [f64; 3] {
         let at = |&(i, weight): &(usize, f64)| triangles.colors.get(i).map_or([0.0; 3], |c| c.map(|c| weight * c));
         self.sources.iter().map(at).fold([0.0; 3], |sum, c| [0, 1, 2].map(|k| sum[k] + c[k]))

@@ -3,9 +3,9 @@
 //! Tests take their renderers from a pool that lives as long as the process (`common::renderer`), so that each kernel is
 //! compiled once. The validation layers are off unless `SOFTRAS_VALIDATION=1`; run one thread then (`--test-threads=1`), since
 //! the layers may crash when one thread opens or drops a device while another one renders.
-// Some tests play the host's half of a contract of raw handles.
+// Some tests play the host and pass raw Vulkan handles.
 #![allow(unsafe_code, clippy::undocumented_unsafe_blocks, clippy::unwrap_used, clippy::expect_used, clippy::panic)]
-// The example brings its engine along, and so does the tests' host.
+// The example contains the engine, and so does the tests' host.
 #![allow(clippy::duplicate_mod)]
 
 #[path = "../common/mod.rs"]

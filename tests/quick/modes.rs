@@ -52,7 +52,7 @@ fn made_of(renderer: &mut Renderer, case: &Case, mode: GradientMode) -> Made {
 /// Corners of the plane of σ and γ, and beyond.
 const SOFTNESSES: [(f64, f64); 6] = [(1e-8, 1e-8), (1.0, 1.0), (1e-8, 1.0), (1e-2, 1e-8), (1e-6, 1e-5), (1e-2, 1e-5)];
 
-/// That no gradient is infinite or NaN at some σ and γ.
+/// Checks that no gradient is infinite or NaN at some σ and γ.
 fn finite_at(renderer: &mut Renderer, base: &Case, mode: GradientMode) -> Result<(), String> {
     for &(sigma, gamma) in tier(&SOFTNESSES[..2], &SOFTNESSES) {
         let mut case = base.clone();
@@ -98,7 +98,7 @@ fn every_pair_of_choices_agrees() {
     assert_all_agree(pairwise(&mode_base(11)));
 }
 
-/// So that a broken one is named.
+/// If a choice is broken, this test names it.
 #[test]
 fn every_choice_alone_agrees() {
     let base = mode_base(16);

@@ -1,6 +1,6 @@
-//! A physical device shown otherwise than it is: without shuffles, timestamps or cached memory, its queue family behind others and for
-//! compute alone; and commands recorded without their barriers.
-// Named as what they stand before.
+//! Shows a physical device otherwise than it is: without shuffles, timestamps or cached memory, or with its queue
+//! family behind others and for compute alone. It can also leave out the barriers of recorded commands.
+// The functions have the names of the driver's functions that they replace.
 #![allow(non_snake_case)]
 
 use super::real;
@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicBool, AtomicU32, Ordering::Relaxed};
 
 /// Families that cannot compute, shown before the driver's first.
 static BEFORE: AtomicU32 = AtomicU32::new(0);
-/// What the driver's first family is shown to do.
+/// The flags that the driver's first family is shown with.
 static FLAGS: AtomicU32 = AtomicU32::new(u32::MAX);
 static NO_TIMESTAMPS: AtomicBool = AtomicBool::new(false);
 static NO_SHUFFLES: AtomicBool = AtomicBool::new(false);
@@ -18,7 +18,7 @@ static NO_BARRIERS: AtomicBool = AtomicBool::new(false);
 /// Stages that barriers have named.
 static STAGES: AtomicU32 = AtomicU32::new(0);
 
-/// The device as it is.
+/// Shows the device as it is.
 pub fn show_all() {
     BEFORE.store(0, Relaxed);
     FLAGS.store(u32::MAX, Relaxed);
@@ -29,7 +29,7 @@ pub fn show_all() {
     STAGES.store(0, Relaxed);
 }
 
-/// One family with these flags, behind so many that only copy.
+/// Shows one family with these flags, behind `before` families that can only copy.
 pub fn show_family(before: u32, flags: vk::QueueFlags) {
     BEFORE.store(before, Relaxed);
     FLAGS.store(flags.as_raw(), Relaxed);
@@ -43,7 +43,7 @@ pub fn hide_shuffles() {
     NO_SHUFFLES.store(true, Relaxed);
 }
 
-/// No memory of the device is cached by the host, so that softras copies between device and host as on a discrete GPU.
+/// Shows no host-cached memory, so that softras copies between device and host as on a discrete GPU.
 pub fn hide_cached_memory() {
     NO_CACHED_MEMORY.store(true, Relaxed);
 }
@@ -58,12 +58,12 @@ pub fn stages() -> vk::PipelineStageFlags {
     vk::PipelineStageFlags::from_raw(STAGES.load(Relaxed))
 }
 
-/// The driver's number of a family that was shown. One that only copies is none of the driver's: it ends the test.
+/// The driver's number of a family that was shown. A shown family that only copies does not exist: it ends the test.
 pub fn real_family(shown: u32) -> u32 {
     shown.checked_sub(BEFORE.load(Relaxed)).expect("a family that computes")
 }
 
-/// The driver's function that one of ours stands before.
+/// The driver's function that one of ours replaces.
 macro_rules! real {
     ($name:ident as $kind:ty) => {
         unsafe { std::mem::transmute::<usize, $kind>(real::$name.load(Relaxed)) }

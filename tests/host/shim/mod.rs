@@ -20,14 +20,14 @@ use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 
 /// How many objects of each kind were made, and how many destroyed.
 static OBJECTS: Mutex<BTreeMap<&str, [i64; 2]>> = Mutex::new(BTreeMap::new());
-/// Making calls that still succeed.
+/// Calls that make something and still succeed.
 static LEFT: AtomicI64 = AtomicI64::new(i64::MAX);
 /// vkAllocateMemory calls that still succeed.
 static MEMORY_LEFT: AtomicI64 = AtomicI64::new(i64::MAX);
 /// Submissions that still succeed; then the device is lost.
 static SUBMITS_LEFT: AtomicI64 = AtomicI64::new(i64::MAX);
 
-/// The state for one test, as at the beginning.
+/// Gives the state to one test, reset.
 pub fn lock() -> MutexGuard<'static, ()> {
     static LOCK: Mutex<()> = Mutex::new(());
     let guard = LOCK.lock().unwrap_or_else(PoisonError::into_inner);
@@ -57,17 +57,17 @@ fn count(kind: &'static str, made: i64, destroyed: i64) {
     *count = [count[0] + made, count[1] + destroyed];
 }
 
-/// So many more calls that make something succeed, memory among them.
+/// Lets this many more calls that make something succeed, those for memory among them.
 pub fn allow(count: i64) {
     LEFT.store(count, Relaxed);
 }
 
-/// So many more allocations of device memory succeed.
+/// Lets this many more allocations of device memory succeed.
 pub fn allow_memory(count: i64) {
     MEMORY_LEFT.store(count, Relaxed);
 }
 
-/// So many more submissions succeed.
+/// Lets this many more submissions succeed.
 pub fn allow_submits(count: i64) {
     SUBMITS_LEFT.store(count, Relaxed);
 }
@@ -105,7 +105,7 @@ fn refused(name: &str) -> Option<vk::Result> {
     None
 }
 
-/// The driver's functions that ours stand before.
+/// The driver's functions that ours replace.
 macro_rules! functions {
     ($($name:ident)*) => {
         #[allow(non_upper_case_globals)]
@@ -194,7 +194,7 @@ destroys!(vkDestroyCommandPool: CommandPool);
 destroys!(vkDestroyFence: Fence);
 destroys!(vkDestroyQueryPool: QueryPool);
 
-/// Of the family that the driver knows it by.
+/// Makes the pool for the driver's number of the family.
 #[allow(non_snake_case)]
 unsafe extern "system" fn vkCreateCommandPool(
     device: vk::Device,

@@ -57,8 +57,8 @@ fn every_buffer_of_a_pass_lies_as_its_plan_says() {
     assert_silent(engine);
 }
 
-/// What a host gives besides: vertices, gradients and counts, and the three buffers of a pass. The multiples are those that the
-/// device itself names.
+/// The other buffers of a host: vertices, gradients and counts, and the three buffers of a pass. The multiples are
+/// those that the device itself names.
 #[test]
 fn offsets_of_a_hosts_own_buffers_are_multiples_of_the_devices_limits() {
     let engine = engine();

@@ -35,7 +35,7 @@ fn the_example_fits_its_vertex_and_draws_its_own() {
     }
     let size = (report.pixels.len() / 4).isqrt();
     let pixel = |x: f64, y: f64| &report.pixels[4 * ((y * size as f64) as usize * size + (x * size as f64) as usize)..];
-    // In the middle softras' image, in the lower left corner the engine's own triangles, elsewhere the background.
+    // softras' image is in the middle, the engine's own triangles in the lower left corner, the background elsewhere.
     assert!(pixel(0.5, 0.5)[..3].iter().all(|&c| c > 0.1), "{:?}", &pixel(0.5, 0.5)[..4]);
     assert_eq!(pixel(0.15, 0.87)[..3], [1.0, 0.8, 0.1]);
     assert_eq!(pixel(0.95, 0.95)[..3], [0.0; 3]);
@@ -60,7 +60,7 @@ fn images_are_the_simple_apis_bit_by_bit() {
     for seed in 0..tier(2, 12) {
         let mut case = random_case(seed, [Kind::Plain, Kind::Modes, Kind::Clipped][seed as usize % 3]);
         if seed % 4 < 2 {
-            // Flat shading has no use for them.
+            // Flat shading does not use them.
             give_normals(&mut case);
         }
         let frame = simple.render(&case.scene, &case.cameras, &case.settings).unwrap();
@@ -76,7 +76,7 @@ fn images_are_the_simple_apis_bit_by_bit() {
     assert_silent(engine);
 }
 
-/// Raw, and decoded; what is not there to decode is named.
+/// Gradients are read raw and decoded; an error names gradients that the pass does not have.
 #[test]
 fn gradients_are_the_simple_apis_bit_by_bit() {
     let engine = engine();
@@ -217,7 +217,7 @@ fn what_does_not_fit_is_an_error_that_names_it() {
     let whole = memory.device.whole();
     assert!(error(whole.part(16, whole.range())).contains("outside"));
 
-    // Other kernels are not recorded with these bindings, and neither is a scene that crosses a plane that was left out.
+    // Plans with other kernels, and a scene that crosses a plane that the plan left out, are refused.
     let mut pass = rasterizer.bind_pass(plan.clone(), PassMemory { own: &refs, ..memory.refs() }, &[]).unwrap();
     let mut others = case.settings.clone();
     others.outputs.depth = !others.outputs.depth;
@@ -264,7 +264,7 @@ fn a_hosts_own_normals_shade_its_meshes() {
     assert_silent(engine);
 }
 
-/// Each may be moved to and shared with another thread.
+/// Each type may be moved to and shared with another thread.
 #[test]
 fn everything_is_send_and_sync() {
     fn assert<T: Send + Sync>() {}

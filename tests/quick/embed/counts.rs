@@ -54,7 +54,7 @@ fn a_count_that_only_the_device_knows_is_drawn() {
     let engine = engine();
     let rasterizer = rasterizer(&engine);
     let mut simple = renderer();
-    // Whole, and cut by the near plane. Of two views the flat light's rows lie, and are summed, in another order.
+    // A mesh that is whole, and one cut by near. With two views the flat light's rows are summed in another order.
     let kinds = [(3.0, Lights::official(), 1), (1.2, Lights::official(), 2), (3.0, smooth(), 2)];
     for (distance, lights, views) in kinds.into_iter().take(tier(2, 3)) {
         let case = case(distance, lights, views);
@@ -65,7 +65,7 @@ fn a_count_that_only_the_device_knows_is_drawn() {
         let usage = vk::BufferUsageFlags::STORAGE_BUFFER;
         let mut word = engine.buffer(16, usage, MemoryLocation::CpuToGpu).unwrap();
         let at = word.whole().part(0, 4).unwrap();
-        // More than there is first, so that the frames of fewer find what they must not look at.
+        // A count above the mesh's comes first, so that later frames find old data that they must not read.
         for (count, of_indices) in [(1000, false), (600, true), (57, false), (320, false)] {
             word.write(0, bytemuck::bytes_of(&(count as u32)));
             host.pass.bind_counts(&Counts { buffer: at, stride: 4, of_indices }).unwrap();
@@ -103,7 +103,7 @@ fn counts_of_several_meshes_lie_a_stride_apart() {
     scene.meshes.extend(first_triangles(&case, 200).meshes);
     let frame = renderer().render(&scene, &case.cameras, &case.settings).unwrap();
     let due = [frame.color(), frame.silhouette(), frame.depth(), frame.normal()];
-    // The two frames' kernels are compiled for other constants. With other vectors than usual that moves a last place.
+    // The two frames' kernels differ in constants. With vector units of unusual width that changes a last place.
     let device = Requirements::new().validate(&engine.host_adapter()).unwrap();
     let has_usual_lanes = device.limits.subgroup_size == USUAL_LANES;
     let is_off = |(a, b): (&f32, &f32)| (a - b).abs() > tolerance::BY_HAND as f32 * b.abs().max(1.0);
@@ -113,7 +113,7 @@ fn counts_of_several_meshes_lie_a_stride_apart() {
         assert!(!has_usual_lanes || difference(image, due).is_none(), "{name}");
     }
 
-    // What does not fit is named.
+    // An error names a buffer that does not fit.
     let misfit = |pass: &mut Pass, counts| error(pass.bind_counts(&counts));
     let short = misfit(&mut host.pass, counts(12, 12));
     assert!(short.contains("2 counts 12 bytes apart in 12 bytes"), "{short}");
@@ -134,7 +134,7 @@ fn counts_of_several_meshes_lie_a_stride_apart() {
 
 const COUNTS: [u32; 6] = [5, 320, 40, 1000, 0, 177];
 
-/// Every frame a copy writes the count that the frame reads; its status is looked at when its memory is used again.
+/// In every frame a copy writes the count that it reads. Its status is read when its memory is used again.
 #[test]
 fn frames_in_flight_are_each_their_own() {
     let engine = engine();

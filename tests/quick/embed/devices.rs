@@ -14,7 +14,7 @@ use shim::adapter;
 use softras::embed::{HostAdapter, HostCommands, HostDevice, Pass, Rasterizer, Requirements};
 use softras::{CacheFolder, Error, GradientRequest, Gradients, Image, ImageGradient, Renderer, RendererOptions};
 
-/// Lanes of a workgroup where there are no shuffles, and of most processors' subgroups.
+/// Lanes of a workgroup without shuffles, which are as many as in most processors' subgroups.
 pub const USUAL_LANES: u32 = 8;
 
 type Outcome = (Vec<(&'static str, Vec<f32>)>, Gradients);
@@ -40,7 +40,7 @@ fn outcomes(engine: &Engine, device: &HostDevice, cases: &[(Case, ImageGradient)
     cases.iter().map(outcome).collect()
 }
 
-/// The first case, and what of it, that is not the same to the bit.
+/// The first case with different bits, and where they differ.
 fn differs(a: &[Outcome], b: &[Outcome]) -> Option<String> {
     assert_eq!(a.len(), b.len());
     for (case, ((images, gradients), (others, other))) in a.iter().zip(b).enumerate() {
@@ -57,7 +57,7 @@ fn differs(a: &[Outcome], b: &[Outcome]) -> Option<String> {
     None
 }
 
-/// The first case, and what of it, that differs by more than another order of sums explains.
+/// The first case that differs by more than another order of sums explains, and where.
 fn strays(a: &[Outcome], b: &[Outcome]) -> Option<String> {
     for (case, ((images, gradients), (others, other))) in a.iter().zip(b).enumerate() {
         let most = tolerance::SAME_SCENE.value as f32;

@@ -1,6 +1,6 @@
 //! The facade: from a host's meshes, matrices and buffers to images and gradients. Where the simple API renders the same,
 //! the bits are the same.
-// Indices are what the formulas have, and what is no number counts as off.
+// Loops use indices as the formulas do, and comparisons count NaN as a failure.
 #![allow(clippy::needless_range_loop, clippy::neg_cmp_op_on_partial_ord)]
 
 use super::geometry::{COLOR, Engines, Expected, POSITION, TRANSFORM, VERTEX, off, storage};
@@ -127,7 +127,7 @@ fn several_meshes_of_a_host_render_as_one_scene() {
         let mesh = &expected.meshes[0];
         assert_eq!(difference(&positions, mesh.positions.as_flattened()), None);
         assert_eq!(difference(&colors, mesh.colors.as_flattened()), None);
-        // The host's own vertices: the sum over three instances, or over two. What no draw reads, and what is no gradient, is left.
+        // The host's vertices get sums over three or two instances. What no draw reads, and other words, stay.
         let due = Expected::new(&scenery.engines, mesh);
         let words = scenery.gradients.floats(0, 10 * scenery.engines.vertices().len());
         let part = |first: usize| words.chunks_exact(10).flat_map(|v| v[first..first + 3].to_vec()).collect::<Vec<_>>();
@@ -140,7 +140,7 @@ fn several_meshes_of_a_host_render_as_one_scene() {
         assert!(words.iter().step_by(16).all(|&x| x == untouched));
         assert_eq!(off(&rows, due.transforms.as_flattened().as_flattened()), None);
         assert!(rows.iter().any(|x| x.abs() > 1e-6) && part(6)[9..].iter().any(|x| x.abs() > 1e-6));
-        // A render graph's view of it: vertices are read by frames, gradients written behind them alone.
+        // The uses for a render graph: vertices are only read; only the backward pass writes gradients.
         let uses = pass.uses();
         let writes = [&scenery.vertices, &scenery.gradients].map(|buffer| {
             uses.each_ref().map(|uses| {
@@ -149,7 +149,7 @@ fn several_meshes_of_a_host_render_as_one_scene() {
             })
         });
         assert_eq!(writes, [[None, Some(false), Some(false)], [None, None, Some(true)]]);
-        // What is read back is what the device has.
+        // The readback buffer has the same values as the device's.
         for id in [BufferId::Color, BufferId::VertexGradients] {
             let (at, size) = plan.readback_part(id).unwrap();
             let read = memory.readback.floats(at, size as usize / 4);
@@ -244,7 +244,7 @@ fn each_view_may_have_a_mesh_and_the_host_buffers_of_its_own() {
     assert_silent(engine);
 }
 
-/// What does not fit is named.
+/// An error names a buffer that does not fit.
 #[test]
 fn misfits_of_a_pass_are_named() {
     let engine = engine();

@@ -1,5 +1,5 @@
 //! A host's own geometry: interleaved vertices, instances with transforms, and the gradients that should come back.
-// Indices are what the formulas have, and what is no number counts as off.
+// Loops use indices as the formulas do, and comparisons count NaN as a failure.
 #![allow(clippy::needless_range_loop, clippy::neg_cmp_op_on_partial_ord)]
 
 use crate::common::scenes::{Case, Kind, random_case};
@@ -80,7 +80,7 @@ impl Engines {
         [0; 5].into_iter().chain(drawn).collect()
     }
 
-    /// What the draws draw, as one mesh.
+    /// The mesh that the draws make together, as a scene.
     fn scene(&self) -> Scene {
         let (mut positions, mut triangles, mut colors) = (Vec::new(), Vec::<[u32; 3]>::new(), Vec::new());
         for (i, &[x, y, z]) in self.transforms.iter().enumerate() {

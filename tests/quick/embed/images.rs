@@ -1,5 +1,5 @@
-//! softras' images straight into a host's storage images.
-// Indices are what the formulas have, and what is no number counts as off.
+//! softras stores its images into a host's storage images.
+// Loops use indices as the formulas do, and comparisons count NaN as a failure.
 #![allow(clippy::needless_range_loop, clippy::neg_cmp_op_on_partial_ord)]
 
 use crate::common::scenes::{Case, Kind, random_case};
@@ -49,7 +49,7 @@ pub fn after_store<F: Fn(&mut HostCommands)>(
 ) -> Vec<u8> {
     use vk::{AccessFlags as A, ImageLayout as L, PipelineStageFlags as S};
     let (image, target) = image(engine, format, size);
-    // What it is bound with lives in it, until the commands have run.
+    // The closure keeps the bound image until the commands have run.
     let record = store(&target);
     let texel = match format {
         ImageFormat::Rgba32Float => 16,
@@ -84,7 +84,7 @@ fn case(outputs: Outputs) -> Case {
     let projection = softras::Projection::Perspective { fov_y: 0.8 };
     case.cameras = [10.0, 80.0].map(|angle| softras::Camera::from_angles(3.0, 40.0, angle, projection).unwrap()).into();
     case.settings = softras::Settings { sigma: 1e-4, outputs, ..Default::default() };
-    // No multiple of a workgroup.
+    // The size is no multiple of a workgroup's.
     (case.settings.width, case.settings.height) = (37, 21);
     case
 }
@@ -154,7 +154,7 @@ fn images_are_stored_as_they_are() {
     assert_silent(engine);
 }
 
-/// A silhouette alone lies in a buffer of its own; what is not there, or does not fit, is named.
+/// A silhouette without colour has its own buffer. Errors name an image that does not exist or does not fit.
 #[test]
 fn images_that_do_not_fit_are_errors() {
     let engine = engine();

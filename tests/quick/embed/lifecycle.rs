@@ -33,13 +33,13 @@ impl Planned {
         Self { memory: Memory::new(engine, &plan), plan }
     }
 
-    /// What softras makes for it, and its end.
+    /// Makes a rasterizer, binds the pass, and drops both.
     fn make(&self, host: &HostDevice) -> softras::Result<()> {
         Rasterizer::new(host)?.bind_pass(self.plan.clone(), self.memory.refs(), &[]).map(drop)
     }
 }
 
-/// Lets one thing more succeed until all do; each failure is of memory and leaves nothing. Returns how many failed.
+/// Lets one call more succeed until all do. Each failure is of memory and leaves nothing. Returns how many failed.
 fn fail_in_turn(allow: impl Fn(i64), live: impl Fn() -> i64, mut make: impl FnMut() -> softras::Result<()>) -> i64 {
     for failures in 0..1_000 {
         allow(failures);
@@ -56,14 +56,14 @@ fn fail_in_turn(allow: impl Fn(i64), live: impl Fn() -> i64, mut make: impl FnMu
     panic!("it never succeeds");
 }
 
-/// Each allocation of the host's memory in turn fails: an error, and nothing is left behind. Then all succeed.
+/// Each allocation of host memory fails in turn: that is an error, and nothing is left behind. Then all succeed.
 #[test]
 fn running_out_of_host_memory_anywhere_leaves_nothing() {
     let engine = engine();
     let [forward, both] = [false, true].map(|gradients| Planned::new(&engine, &saved_case(), gradients));
     let memory = HostMemory::new();
     let host = unsafe { engine.host_device().with_allocation_callbacks(memory.callbacks()) };
-    // Of a frame each, of its gradients as well each ninth: compiling takes its time.
+    // Each allocation of a frame fails, and with gradients only each ninth, because compiling takes time.
     let frame = fail_in_turn(|n| memory.allow(n), || memory.live(), || forward.make(&host));
     let all = fail_in_turn(|n| memory.allow(9 * n), || memory.live(), || both.make(&host));
     println!("{frame} and {all} allocations failed in turn");
@@ -81,7 +81,7 @@ fn shimmed(engine: &Engine) -> HostDevice {
     }
 }
 
-/// So does each call of the driver that makes something.
+/// Each call of the driver that makes something fails in turn, with the same result.
 #[test]
 fn each_object_that_cannot_be_made_leaves_nothing() {
     let _guard = shim::lock();
@@ -120,7 +120,7 @@ fn the_simple_api_gives_everything_back_too() {
     let mut case = saved_case();
     case.settings.outputs.silhouette = true;
     let make = || simple(RendererOptions::default()).and_then(|mut r| frame_and_gradients(&mut r, &case).map(drop));
-    // A device each time: of device memory each call, of the other calls each 115th (23rd in the full tier).
+    // Each call needs a new device. All calls for device memory fail, of the others each 115th (full tier: 23rd).
     let memory = fail_in_turn(shim::allow_memory, shim::live, make);
     shim::allow_all();
     let calls = fail_in_turn(|n| shim::allow(tier(115, 23) * n), shim::live, make);

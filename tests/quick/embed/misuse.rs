@@ -1,4 +1,4 @@
-//! What a host may get wrong, or could only get wrong before: shared gradient buffers, orders of calls, changes of a bound pass.
+//! Misuse by a host, and uses that were once errors: shared gradient buffers, orders of calls, changes of a bound pass.
 
 use super::facade::*;
 use super::geometry::storage;
@@ -21,7 +21,7 @@ use softras::scene::{Background, DirectionalLight};
 use softras::{Camera, GradientRequest, Lights, Mesh, Projection, Scene, Settings, shapes};
 
 const PACKED: Layout = Layout { stride: 12, offset: 0 };
-/// A float that no gradient is, byte by byte.
+/// The bits of a float that no gradient has: the byte 0xcd four times.
 const UNTOUCHED: u32 = 0xcdcd_cdcd;
 
 fn case(mesh: &Mesh) -> Case {
@@ -64,7 +64,7 @@ fn meshes_that_share_a_gradient_buffer_add_to_it() {
         let mut memory = Memory::new(&engine, &plan);
         let pass = bind(&rasterizer, &plan, &mut memory, &vec![buffers; meshes.len()]);
         memory.write_upstream(&pass, &upstream);
-        // Twice: what a frame wrote is no part of the next one's.
+        // The pass runs twice, since gradients of a frame must not be added to those of the one before.
         run(&engine, &pass);
         run(&engine, &pass);
         assert_eq!(pass.status(memory.readback.bytes()).unwrap(), PassStatus::Whole);
@@ -94,7 +94,7 @@ fn meshes_that_share_a_gradient_buffer_add_to_it() {
     assert_silent(engine);
 }
 
-/// What gradients would destroy, and what is no buffer of the right kind, is refused with the mesh's number.
+/// A buffer of the wrong kind, or one that gradients would overwrite, is refused with the mesh's number.
 #[test]
 fn buffers_that_cannot_be_are_refused_when_bound() {
     let engine = engine();
@@ -172,7 +172,7 @@ fn pass_mesh(model: &Mesh) -> PassMesh {
     PassMesh::new(model.positions().len() as u32, indices(model)).with_look(MeshLook::Color([0.75, 0.5, 0.25]))
 }
 
-/// Gradients of a frame that was recorded but never executed, over memory of ones: they end, are zero, and do not hold.
+/// Over memory of ones, gradients of a frame that was recorded but never executed end, are zero, and count as invalid.
 #[test]
 fn gradients_of_a_frame_that_never_ran_end() {
     let engine = engine();
@@ -193,7 +193,7 @@ fn gradients_of_a_frame_that_never_ran_end() {
     assert_silent(engine);
 }
 
-/// What would read memory that nothing wrote, or store what was freed, is refused when it is recorded.
+/// A call that would read memory that nothing wrote, or store what was freed, is refused when it is recorded.
 #[test]
 fn orders_of_calls_that_cannot_be_are_refused() {
     let engine = engine();
@@ -237,7 +237,7 @@ fn orders_of_calls_that_cannot_be_are_refused() {
     assert_silent(engine);
 }
 
-/// All that the guide calls changeable changes, as if it had been planned so, and without a heap allocation.
+/// All that the guide calls changeable can change, as if it had been planned so, and without a heap allocation.
 #[test]
 fn what_changes_in_a_bound_pass_is_as_if_planned_so() {
     let engine = engine();
@@ -270,7 +270,7 @@ fn what_changes_in_a_bound_pass_is_as_if_planned_so() {
     let again = plan.clone().settings(Settings { width: 64, height: 48, ..settings.clone() }).lights(light(-0.7));
     assert_eq!(difference(&fresh(&engine, larger), &fresh(&engine, again)), None);
 
-    // A foreground is told apart from the background colour as it is now, though it was bound before.
+    // Storing a foreground uses the present background colour, even if the image was bound before it changed.
     let size = bound.pass.plan().image_size();
     let mut store = |color: [f64; 3]| {
         let bytes = after_store(&engine, ImageFormat::Rgba32Float, size, |target| {
@@ -361,7 +361,7 @@ fn gradients_are_decoded_from_what_was_read_back() {
     assert_silent(engine);
 }
 
-/// Indices that only the device knows lead nowhere else, whatever they are.
+/// Indices that only the device knows never lead outside the mesh, whatever they are.
 #[test]
 fn indices_out_of_range_stay_in_their_mesh() {
     let engine = engine();

@@ -1,7 +1,7 @@
 //! The embedding API in the hands of a host: the example engine, a host's own geometry and images, and other devices.
-// Tests play the host's half of a contract of raw handles.
+// Tests play the host and pass raw Vulkan handles.
 #![allow(unsafe_code, clippy::undocumented_unsafe_blocks, clippy::unwrap_used, clippy::expect_used, clippy::panic)]
-// The example brings the engine along, and so does the tests' host.
+// The example contains the engine, and so does the tests' host.
 #![allow(clippy::duplicate_mod)]
 
 mod alignment;
@@ -16,7 +16,7 @@ mod images;
 mod lifecycle;
 mod misuse;
 
-/// Each test that the table of docs/robustness.md names exists.
+/// Checks that each test exists that the table of docs/robustness.md names.
 #[test]
 fn the_table_of_mistakes_names_tests() {
     let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));

@@ -35,7 +35,7 @@ fn random_images(case: &Case) -> Outputs {
     if images == none { rendered } else { images }
 }
 
-/// Every gradient is within the worst tolerance, and each within the usual one but in the few scenes that this allows.
+/// Every gradient is within the worst tolerance, and within the usual one except in the few scenes that this allows.
 fn assert_random_cases_agree(kind: Kind, count: u64) {
     let (mut renderer, mut failures) = (renderer(), Vec::new());
     let mut unusual: BTreeMap<_, BTreeSet<u64>> = BTreeMap::new();
@@ -98,13 +98,13 @@ fn every_appearance_alone() {
     assert!(failures.is_empty(), "{}", failures.join("\n"));
 }
 
-/// What is not wanted is not there, and what is wanted does not depend on the rest.
+/// Only wanted gradients are returned, and they do not depend on which others are wanted.
 #[test]
 fn wanted_is_what_comes() {
     let mut renderer = renderer();
     let mut case = mode_base(11);
     let mesh = case.scene.meshes.remove(0);
-    // 3 textures.
+    // An appearance with image textures.
     let seeds = (0..).map(|seed| random_appearance(&mut Random::new(seed), &mesh));
     let textured = seeds.into_iter().find(|a| matches!(a, Appearance::Textured { .. })).unwrap();
     case.scene.meshes.push(mesh.with_appearance(textured).unwrap());

@@ -91,7 +91,7 @@ fn occluded_vertex() {
 #[test]
 fn far_range_triangle() {
     let mut renderer = renderer();
-    // A lit pixel at 0.26 from the triangle, within a reach of 0.3 only; and a triangle just before the far plane.
+    // Only a pixel at 0.26 from the triangle, whose reach is 0.3, has a gradient. Then a triangle just before far.
     let near = [[0.51, -0.13, 2.0], [0.83, -0.11, 2.3], [0.67, 0.23, 2.2]];
     let mut case = on_screen(&[near], Settings { sigma: 1e-2, background: Background::Composite, ..settings(32, 32) });
     let upstream = upstream_of(&case, |_, row, column| if (row, column) == (16, 20) { [1.0; 3] } else { [0.0; 3] });
@@ -130,7 +130,7 @@ fn triangle_behind_the_camera() {
 #[test]
 fn clipped_triangle() {
     let mut renderer = renderer();
-    // One, two corners before the near plane at 1; behind the eye even.
+    // Near is 1. One triangle has one corner nearer, one has two, and one has a corner behind the eye.
     let one = [[-0.81, -0.63, -3.0], [0.79, -0.57, -3.1], [0.13, 0.31, -0.4]];
     let two = [[-0.33, -0.23, -0.5], [0.39, -0.27, -0.7], [0.13, 0.61, -2.9]];
     let behind = [[-0.81, -0.63, -3.0], [0.79, -0.57, -3.1], [0.13, 0.31, 2.0]];
@@ -238,7 +238,7 @@ fn weighted_loss_per_pixel() {
     let case = on_screen(&[FRONT, [[-0.2, 0.9, 3.0], [0.9, 0.1, 2.5], [0.8, 0.83, 1.5]]], settings(24, 24));
     let upstream = random_upstream(&case, ALL_OUTPUTS);
     let whole = assert_agrees_under(&mut renderer, &case, &upstream);
-    // Each pixel teaches what the reference says of it alone, and all of them together the sum.
+    // The gradient of each pixel alone is the reference's, and their sum is the gradient of all.
     let mut sum = [0.0; 18];
     for pixel in 0..24 * 24 {
         let alone = only_pixel(&upstream, pixel);
@@ -287,7 +287,7 @@ fn saturated_interior() {
     let mut renderer = renderer();
     for sigma in [1e-4, 1e-6, 1e-8] {
         let case = on_screen(&[FRONT], Settings { sigma, gamma: 1e-4, epsilon: 1e-3, ..settings(48, 48) });
-        // Inside, far from every edge: D is 1, and only the colour's own path is left.
+        // Inside, far from every edge, D is 1: gradients come only through the colour and the depth.
         let upstream = upstream_of(&case, |image, row, column| match (image, row, column) {
             ("color" | "depth", 26..=34, 20..=27) => [1.0, -0.3, 0.2 * row as f32],
             _ => [0.0; 3],

@@ -50,7 +50,7 @@ fn each_frame_has_its_own_gradient_in_any_order() {
         for i in [4, 0, 2, 1, 3, 3, 0] {
             let again = gradient(&mut renderer, &frames[i], &cases[i]);
             same_gradient_bits(&alone[i], &again).unwrap_or_else(|e| panic!("turn {turn}, frame {i}: {e}"));
-            // Frames for looking at take no other's place.
+            // A frame that is not saved does not take the slot of a saved one.
             renderer.render(&cases[2].scene, &cases[2].cameras, &cases[0].settings).unwrap();
         }
     }
@@ -75,7 +75,7 @@ fn a_clone_keeps_the_frame_and_a_failure_takes_none() {
     assert_eq!(renderer.device_bytes(), bytes, "the dropped frame's buffers were not used again");
 }
 
-/// Frames that are dropped each turn take no more memory, and what one turn needed for many is given back later.
+/// Frames that are dropped in each turn take no more memory. If later turns need fewer, the rest is freed.
 #[test]
 fn memory_follows_the_frames_that_live() {
     let case = ball(0, &EYES[..1], 16);
@@ -106,7 +106,7 @@ fn living_frames_count_towards_the_limit_of_memory() {
     let mut renderer = limited();
     let frames = [render(&mut renderer, &case), render(&mut renderer, &case)];
     frames.iter().for_each(|frame| drop(gradient(&mut renderer, frame, &case)));
-    // A frame larger than what is left, though smaller than all.
+    // This frame needs more than the saved frames leave, but less than the limit.
     let large = Scene::new(shapes::icosphere(3).unwrap());
     limited().render_saved(&large, &case.cameras, &case.settings).unwrap();
     match renderer.render_saved(&large, &case.cameras, &case.settings) {

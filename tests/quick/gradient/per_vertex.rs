@@ -1,4 +1,4 @@
-//! Gradients that vertices take from the triangles' sums over pixels, without the stage between: they are those of that stage.
+//! Gradients that vertices take from the triangles' sums over pixels, without corner gradients: they are the same.
 
 use super::repeat::{EYES, ball};
 use crate::common::{
@@ -15,7 +15,7 @@ use softras::{
     Camera, GradientMode, GradientRequest, Image, ImageGradient, Lights, Mesh, Projection, Scene, Settings, shapes,
 };
 
-/// What needs no stage between.
+/// Gradients that need no corner gradients.
 const ALONE: GradientRequest = GradientRequest { positions: true, colors: true, ..GradientRequest::NOTHING };
 
 const COLOR_AND_DEPTH: Outputs = Outputs { normal: false, ..ALL_OUTPUTS };
@@ -26,7 +26,7 @@ fn unlit(mut case: Case) -> Case {
     case
 }
 
-/// The same upstream gradient with one of zeros by the normals, which needs the stage between.
+/// The same upstream gradient and one of zeros by the normals, which needs corner gradients.
 fn with_normals_of_zero(upstream: &ImageGradient) -> ImageGradient {
     let of = upstream.silhouette.as_ref().unwrap();
     let data = vec![0.0; 3 * of.data.len()];
@@ -118,7 +118,7 @@ fn textured() -> Case {
     case
 }
 
-/// Whatever else is asked for.
+/// Their bits do not depend on which other gradients are wanted.
 #[test]
 fn they_have_the_same_bits_with_any_others() {
     let mut renderer = renderer();
@@ -153,7 +153,7 @@ fn they_do_not_depend_on_the_room_for_cells() {
     planner.assert_silent();
 }
 
-/// So many triangles over all of the image that share a corner outside it, the nearest of them last.
+/// This many triangles, each over all of the image, that share a corner outside it, the nearest of them last.
 fn fan(triangles: u32) -> Case {
     let mut case = large_triangles();
     (case.settings.width, case.settings.height) = (512, 512);
@@ -168,8 +168,8 @@ fn fan(triangles: u32) -> Case {
     case
 }
 
-/// Loops on lavapipe end after 65,535 passes without a word: as many corners as they can walk are summed without the stage
-/// between, and one more with it, and neither loses the nearest triangle, which is the last.
+/// Loops on lavapipe end after 65,535 passes without an error. A vertex of as many corners as they can walk needs no
+/// corner gradients, one of more corners does, and neither loses the nearest triangle, which is the last.
 #[test]
 fn a_vertex_of_many_large_triangles_loses_none() {
     let mut renderer = renderer();

@@ -171,7 +171,7 @@ fn batch_of_many_meshes_of_different_appearance() {
     let mut case = ball(0, &[EYES[0], EYES[1], EYES[2], EYES[0]], 24);
     let meshes = [shapes::cube().unwrap(), shapes::icosphere(1).unwrap(), shapes::icosphere(0).unwrap()];
     let mut meshes = meshes.to_vec();
-    // Of no triangles and no vertices.
+    // A mesh of no triangles and no vertices.
     meshes.push(Mesh::new(Vec::new(), Vec::new()).unwrap());
     let with_sort = |(i, mesh): (usize, Mesh)| {
         let appearance = random_appearance(&mut Random::new(SORTS[i]), &mesh);
@@ -221,11 +221,11 @@ fn memory_does_not_grow_with_pixels_times_triangles() {
     let [small, wide, many, both] = [added(64, 200), added(128, 200), added(64, 800), added(128, 800)];
     let (pixels, triangles) = (wide - small, many - small);
     assert!(pixels > 0.0 && triangles > 0.0, "{small} {wide} {many} {both}");
-    // Each 2048 pixels of a triangle's box have a partial sum: less than the 900 kB of a bit for each of the pairs of
-    // 12288 more pixels and 600 more triangles.
+    // Each 2048 pixels of a triangle's box have a partial sum. Together they take less than the 900 kB that one bit for
+    // each of the pairs of 12288 more pixels and 600 more triangles would take.
     let product = both - small - pixels - triangles;
     assert!(product < 900e3, "{product} bytes go with both: {small}, {wide}, {many}, {both}");
-    // No pair's record: 16 bytes and more for each of the 13 million pairs.
+    // There is no record for each pair: it would take at least 16 bytes for each of the 13 million pairs.
     assert!(both < 16e6, "{both}");
 }
 
@@ -284,7 +284,7 @@ fn wrong_uses_are_refused() {
     other.render(&case.scene, &case.cameras, &case.settings).unwrap();
     assert_refused(other.backward(&latest, &upstream, &wanted), "another renderer");
 
-    // What else may be wrong with upstream gradients: `robustness::errors`.
+    // `robustness::errors` tests the other faults of upstream gradients.
     assert_refused(renderer.backward(&latest, &ImageGradient::default(), &wanted), "no image has an upstream gradient");
     // A refusal changes nothing.
     renderer.backward(&latest, &upstream, &wanted).unwrap();
@@ -299,7 +299,7 @@ fn wrong_uses_are_refused() {
     renderer.backward(&frame, &color_alone, &wanted).unwrap();
 }
 
-/// What an earlier pass left in pixels that no triangle reaches any more, infinities here, does not enter the sums.
+/// Values that an earlier pass left in pixels without triangles, here infinities, do not enter the sums.
 #[test]
 fn pixels_beyond_all_triangles_pass_nothing_on() {
     let wanted = GradientRequest { positions: true, colors: true, ..GradientRequest::NOTHING };

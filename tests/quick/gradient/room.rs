@@ -1,4 +1,4 @@
-//! Room for lists is a matter of time alone: without it images and gradients have the same bits.
+//! Room for lists affects time alone: without it images and gradients have the same bits.
 
 use super::repeat::{EYES, SORTS, ball};
 use crate::common::{
@@ -30,7 +30,7 @@ fn list_entries(case: &Case) -> u32 {
 
 #[test]
 fn no_mode_depends_on_the_room_for_lists() {
-    // Nothing at all; or the bins' lists alone, and half of what the tiles' need.
+    // No room at all; or room for the bins' lists alone, and half of what the tiles' lists need.
     let shorts =
         |list: u32| [Capacity { coarse: 1, list: 1, cells: 1 }, Capacity { list: list / 2, cells: 40, ..ENOUGH }];
     let planner = Planner::new();
@@ -81,7 +81,7 @@ fn thin_triangles_do_not_depend_on_the_room_for_lists() {
     }
 }
 
-/// A list that one loop of lavapipe's walks, whose search in the bin's bitmap takes more than one; and a list that takes several.
+/// A list that lavapipe walks in one loop but finds in the bin's bitmap in several; and one that it walks in several.
 #[test]
 fn turns_do_not_change_bits() {
     let planner = Planner::new();

@@ -29,7 +29,7 @@ fn cut(image: &Image, (columns, rows): &Window) -> Image {
     Image { height, width, data, ..*image }
 }
 
-/// The case's cameras and settings for a window; none where it cannot be cut.
+/// The case's cameras and settings for a window; `None` if the image cannot be cropped.
 fn of(case: &Case, (columns, rows): &Window) -> Option<(Vec<Camera>, Settings)> {
     let of_camera = |camera| case.settings.cropped(camera, columns.clone(), rows.clone()).ok();
     let made: Vec<_> = case.cameras.iter().map(of_camera).collect::<Option<_>>()?;

@@ -65,7 +65,7 @@ fn official_box_ends_barycentric_support() {
 /// where rounding may confuse their edges, the kernel that measures one edge leaves the tile to the one that measures all.
 #[test]
 fn slivers_of_every_height() {
-    // The normal of a triangle without height is anybody's guess.
+    // A triangle without height has no defined normal.
     let outputs = Outputs { color: true, silhouette: true, depth: false, normal: false };
     let mut renderer = renderer();
     for seed in 0..4 {
@@ -84,7 +84,7 @@ fn slivers_of_every_height() {
                 })
             })
             .collect();
-        // One colour: where in a sliver a pixel lies is as uncertain as its height is small.
+        // The mesh has one colour, because rounding decides where in a sliver a pixel lies.
         let mesh = triangles(&corners).with_appearance(Appearance::Uniform([1.0, 0.5, 0.25])).unwrap();
         let settings = Settings { sigma: 1e-4, gamma: 1e-2, near: 1.0, far: 10.0, outputs, ..small(48, 48) };
         let case = made_case(Scene::new(mesh), vec![Camera::screen()], settings);
@@ -92,7 +92,7 @@ fn slivers_of_every_height() {
     }
 }
 
-/// What is not asked for is not made, and what is made does not depend on it.
+/// Only the images that are asked for are made, and they do not depend on which others are.
 #[test]
 fn outputs_are_those_asked_for() {
     let mut renderer = renderer();

@@ -1,4 +1,4 @@
-//! What must not change an image: its company in a batch, and the room for lists.
+//! An image must not depend on the other views of its batch, nor on the room for lists.
 
 use crate::common::{
     compare::{images, same_image_bits, view_of},
@@ -20,8 +20,8 @@ fn render(renderer: &mut softras::Renderer, case: &Case) -> Frame {
     renderer.render(&case.scene, &case.cameras, &case.settings).unwrap_or_else(|e| panic!("{e}\n{case:?}"))
 }
 
-/// Whether every view alone is rendered by the very kernels that render the batch. They are specialised by what colours
-/// some mesh and by whether some view is cut; another specialisation may round the last bit otherwise.
+/// Whether every view alone is rendered by the same kernels as the batch. Kernels are specialised by the colouring of
+/// the meshes and by whether some view is clipped; another specialisation may round the last bit otherwise.
 fn is_of_one_kind(case: &Case) -> bool {
     let kind = |mesh: &Mesh| match mesh.appearance() {
         Appearance::Uniform(_) | Appearance::VertexColors(_) => 0,
@@ -34,7 +34,7 @@ fn is_of_one_kind(case: &Case) -> bool {
 #[test]
 fn a_batch_is_its_views() {
     let mut renderer = renderer();
-    // Batches of one mesh and of several, of several kinds and of one.
+    // Batches of one mesh and of several meshes, with several kinds of appearance and with one.
     let (mut seen, each) = ([[0; 2]; 2], tier(1, 4));
     for seed in 0..150 {
         let case = random_case(seed, [Kind::Plain, Kind::Modes, Kind::Clipped][seed as usize % 3]);

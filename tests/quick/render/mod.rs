@@ -1,4 +1,4 @@
-//! Images: the kernels against the f64 reference, and what must not change an image.
+//! Images: the kernels against the f64 reference, and independence of batches, room and earlier frames.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 mod cropped;

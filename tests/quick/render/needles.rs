@@ -36,7 +36,7 @@ fn wrong(soft: &Image, hard: &Image) -> f64 {
 #[test]
 fn no_needle_shows_through() {
     let renderer = &mut renderer();
-    // Of a picture, in which a triangle reaches one and a half pixels beyond its edges.
+    // The blur of a picture: a triangle reaches one and a half pixels beyond its edges.
     let soft = Settings { width: 128, height: 128, near: 2.0, far: 7.0, ..Settings::default() }.with_blur_pixels(1.5);
     let hard = Settings { color: ColorAggregation::Hard, ..soft.clone() };
     let clip = Settings { surface_point: SurfacePoint::Clip, ..soft.clone() };
@@ -50,7 +50,7 @@ fn no_needle_shows_through() {
         assert!(nearest <= FEW, "{name}: {nearest}");
         clipped = clipped.max(clip);
     }
-    // The test sees the fault: the paper's points show needles.
+    // With the paper's points needles show, so the test can see the fault.
     assert!(clipped > 10.0 * FEW, "{clipped}");
 }
 

@@ -1,4 +1,4 @@
-//! A renderer keeps what it knows from frame to frame; what it makes of the next must not depend on that.
+//! A renderer keeps state from frame to frame, on which the next frame must not depend.
 
 use crate::common::{
     compare::same_bits,
@@ -17,7 +17,7 @@ use softras::{
 };
 use softras_lab::agreement::random_upstream;
 
-/// What a loop has in its hands from step to step.
+/// What a loop changes from step to step.
 #[derive(Clone)]
 struct State {
     case: Case,
@@ -134,8 +134,8 @@ fn step(renderer: &mut Renderer, state: &State, seed: u64) -> Made {
     made(renderer, &state.case, &upstream(state, seed), &state.wanted).unwrap()
 }
 
-/// Random changes one after the other; every third step as a renderer has it that took none of them (what is not taken over
-/// stays so).
+/// Makes random changes one after the other. Every third frame is compared with another renderer's, which saw none of
+/// the changes. Every third is enough, because a change that a renderer misses stays missed.
 fn steps_are_as_fresh(seed: u64, steps: usize, options: &RendererOptions) {
     let random = &mut Random::new(seed);
     let mut state = start(random);

@@ -27,7 +27,7 @@ fn worst(images: &ReferenceFrame, untruncated: &ReferenceFrame, case: &Case, sla
         assert_eq!(ours.len(), exact.len(), "{name}");
         for (i, (a, b)) in ours.iter().zip(exact).enumerate() {
             let pixel = i / channels;
-            // Of the pieces that the view has, those the pixel does without.
+            // The pairs that the pixel drops: the view's pieces without those that it needs.
             let dropped = pieces[pixel / pixels].saturating_sub(u64::from(counted.needed[pixel]));
             let allowed = (settings.tau * dropped as f64 + slack) * range + 1e-12;
             let share = (a - b).abs() / allowed;
@@ -77,7 +77,7 @@ fn guaranteed_images_are_within_tau_of_the_untruncated_ones() {
         assert!(share <= 1.0, "{share}: {place} in {case:?}");
         close = close.max(share);
     }
-    // The bound is one that scenes come near to, not one that nothing could break.
+    // Some scene comes near to the bound: it is not so loose that nothing could exceed it.
     assert!(close > 0.01, "{close}");
 }
 
@@ -128,8 +128,8 @@ fn the_device_keeps_the_promise() {
         if wanted == Some(rendered) {
             break;
         }
-        // Few kinds of kernel, which a software device takes long to compile; and no jumps, on whose other side
-        // rounding may fall.
+        // Few kinds of kernel, because a software device takes long to compile them; and no modes with jumps, where
+        // rounding may decide.
         (case.settings.silhouette, case.settings.color) = Default::default();
         for mesh in &mut case.scene.meshes {
             let colors = mesh.positions().iter().map(|p| p.map(|x| (0.5 + 0.4 * x).clamp(0.0, 1.0))).collect();
@@ -137,7 +137,7 @@ fn the_device_keeps_the_promise() {
         }
         let frame = match renderer.render(&case.scene, &case.cameras, &case.settings) {
             Ok(frame) => frame,
-            // Farther than single precision can follow D.
+            // This support would reach farther than single precision can hold D.
             Err(Error::Settings { field: "support", .. }) => {
                 refused += 1;
                 continue;
@@ -154,7 +154,7 @@ fn the_device_keeps_the_promise() {
             normal: data(frame.normal()),
             ..exact.clone()
         };
-        // Which pairs beyond far take part is for rounding to say; elsewhere the kernels' own promise is added.
+        // Rounding decides which pairs near the far plane take part. Elsewhere the kernels' own tolerance is added.
         let margin = tolerance::of(&case);
         for pixel in (0..exact.margin.len()).filter(|&i| exact.margin[i] < margin.margin) {
             let range = 3 * pixel..3 * pixel + 3;
@@ -212,7 +212,7 @@ fn cutoffs_by_hand() {
     close(cutoff(&settings, &scene, &screen), plain + (0.9 - 0.3) / 0.5);
     let composite = Settings { background: Background::Composite, ..settings.clone() };
     close(cutoff(&composite, &scene, &screen), ln7 + (0.9 - 0.7) / 0.5);
-    // Beyond near and far counts as there; what no camera sees does not count.
+    // Depths beyond near and far count as near and far; what no camera sees does not count.
     close(cutoff(&composite, &Scene::new(mesh(0.5, 60.0).unwrap()), &screen), ln7 + 1.0 / 0.5);
     close(cutoff(&settings, &Scene::new(mesh(12.0, 60.0).unwrap()), &screen), plain);
     close(cutoff(&settings, &Scene::new(mesh(-12.0, 0.9).unwrap()), &screen), plain);
@@ -228,10 +228,10 @@ fn cutoffs_by_hand() {
     // A screen's depths are the vertices' own, whatever the view transform beside it.
     let turned = Camera::look_direction(eye, glam::DVec3::NEG_Z, glam::DVec3::Y, softras::Projection::Screen).unwrap();
     close(cutoff(&settings, &scene, &[turned]), plain + (0.9 - 0.3) / 0.5);
-    // Of several views the one that reaches farthest.
+    // With several views the one that reaches farthest decides.
     let batch = Scene::batch(vec![mesh(8.0, 9.0).unwrap(), mesh(2.0, 4.0).unwrap()]);
     close(cutoff(&settings, &batch, &[Camera::screen(); 2]), plain + (0.9 - 0.3) / 0.5);
-    // Nothing more where no image is mixed by depth.
+    // If no image is mixed by depth, the support is that of the silhouette.
     let silhouette = Outputs::SILHOUETTE;
     for same in [
         Settings { support: Support::Probability, ..settings.clone() },

@@ -51,8 +51,8 @@ fn silhouette_sums(renderer: &mut Renderer, corners: &[[[f32; 3]; 3]]) -> Vec<f6
     frame.silhouette().unwrap().data.iter().map(|&x| f64::from(x) * corners.len() as f64).collect()
 }
 
-/// The scene's silhouette is the sum of those of parts of some of its triangles, the only ones that show; each pixel has at least
-/// so many.
+/// The scene's silhouette sums are those of the parts together. The parts have all triangles that show. Each pixel has
+/// a sum of at least `at_least`.
 #[track_caller]
 fn assert_sums_of_parts(scene: &[[[f32; 3]; 3]], parts: std::slice::Chunks<[[f32; 3]; 3]>, at_least: f64) {
     let renderer = &mut renderer();
@@ -66,7 +66,7 @@ fn assert_sums_of_parts(scene: &[[[f32; 3]; 3]], parts: std::slice::Chunks<[[f32
     assert!(least > at_least && worst < 1e-4, "at least {least} a pixel, off by {worst}");
 }
 
-/// As the tile's: loops of the kernels that make lists. Nothing of most triangles is on the image, so that few lanes have all
+/// The same for a bin, whose list other kernels make. Most triangles are outside the image, so that few lanes have all
 /// the others.
 #[test]
 fn a_bin_holds_a_hundred_thousand_of_a_million_triangles() {
@@ -76,8 +76,8 @@ fn a_bin_holds_a_hundred_thousand_of_a_million_triangles() {
     assert_sums_of_parts(&scene, corners.chunks(20_000), 5.0);
 }
 
-/// A bin whose tiles' lists a software device cannot write in one go, and of nearly as many records for each lane of bin_coarse
-/// as the plan allows; fewer in the quick tier.
+/// A software device cannot write the lists of this bin's tiles in one go. The bin has nearly as many records for each
+/// lane of bin_coarse as the plan allows; fewer in the quick tier.
 #[test]
 fn a_bin_holds_half_a_million_triangles_in_the_order_of_tiles() {
     let mut corners = dust(tier(66_000, 524_000));
@@ -109,7 +109,7 @@ fn a_vertex_of_too_many_triangles_is_an_error() {
     }
 }
 
-/// The loop that sums pixels: what each of four million gives to the background is what each shows of it.
+/// The loop that sums over pixels: the gradient by the background is the sum of what four million pixels show of it.
 #[test]
 fn a_background_of_four_million_pixels_is_summed_to_the_end() {
     let mesh = triangles(&[[[-0.7, -0.6, 2.0], [0.8, -0.5, 2.0], [0.1, 0.7, 2.0]]]);

@@ -34,7 +34,7 @@ fn against_reference_within(
     frame
 }
 
-/// The official kernels are off by more than 0.01 in D for 72 % of such fragments.
+/// Faces much smaller than a pixel. The official kernels' D is off by more than 0.01 for 72 % of such fragments.
 #[test]
 fn small_faces_keep_their_edges() {
     const SIDE: u32 = 64;
@@ -100,7 +100,7 @@ fn the_same_triangle_again_counts_again() {
     let renderer = &mut renderer();
     for color in [ColorAggregation::Softmax, ColorAggregation::Hard] {
         let settings = Settings { color, sigma: 1e-2, ..small(40, 30) };
-        // Five equal depths are no jump: the first triangle is the nearest.
+        // Five equal depths make no jump in the hard mode: the first triangle is the nearest.
         let all = Tolerance { margin: 0.0, ..tolerance::IMAGE };
         let scene = Scene::new(triangles(&[triangle; 5]));
         let five = against_reference_within(renderer, &scene, Camera::screen(), &settings, &all);
@@ -202,8 +202,8 @@ fn one_triangle_may_be_far_larger_than_the_image() {
     }
 }
 
-/// Surface textures of an even resolution: far beyond an edge b̂ is (½, ½, 0), a border of cells, so many pixels do not
-/// count.
+/// Surface textures of an even resolution: far beyond an edge b̂ is (½, ½, 0), which is a border of cells, so rounding
+/// decides and many pixels are left out.
 #[test]
 fn even_surface_resolutions() {
     let renderer = &mut renderer();

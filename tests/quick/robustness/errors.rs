@@ -123,7 +123,7 @@ fn scenes_lights_and_settings() {
     render(&scene, 1, &settings).unwrap();
 }
 
-/// That the numbers from `low` to `high` are taken, and neither the ones `beyond` nor what is no number.
+/// Checks that the numbers at the `ends` are accepted, and the ones `beyond`, infinities and NaN refused.
 #[track_caller]
 fn assert_taken(name: &str, ends: [f64; 2], beyond: [f64; 2], taken: impl Fn(f64) -> bool) {
     ends.into_iter().for_each(|x| assert!(taken(x), "{name}: {x:?} is refused"));
@@ -137,7 +137,7 @@ fn assert_range(name: &str, low: f64, high: f64, taken: impl Fn(f64) -> bool) {
     assert_taken(name, [low, high], [low.next_down(), high.next_up()], taken);
 }
 
-/// Between -`end` and `end`, in single precision.
+/// Checks a range from -`end` to `end` in single precision.
 #[track_caller]
 fn assert_narrow_range(name: &str, end: f32, taken: impl Fn(f32) -> bool) {
     assert_taken(name, [-end, end].map(f64::from), [-end.next_up(), end.next_up()].map(f64::from), |x| taken(x as f32));
@@ -164,7 +164,7 @@ const LIGHTS: [(&str, Set<Lights>); 4] = [
     ("directional[0].intensity", |l, x| l.directional[0].intensity = x),
 ];
 
-/// What is said of settings, or of lights, with this number.
+/// The result of validating settings, or lights, with this number.
 fn validated_settings(set: Set<Settings>, x: f64) -> Result<()> {
     let mut settings = Settings::default();
     set(&mut settings, x);
