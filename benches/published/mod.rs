@@ -29,11 +29,11 @@ pub const PEERS: [Peer; 4] = [
 
 /// The largest differences of a peer's image from the model.
 pub struct PeerError {
-    /// Of any value, from the model without truncation.
+    /// The largest of any value, from the model without truncation.
     pub untruncated: f64,
     /// The same of the silhouette alone.
     pub silhouette: f64,
-    /// Of any value, from the peer's own equations with its own truncation: what its single precision costs.
+    /// The largest from the peer's own equations with its own truncation: the cost of its single precision.
     pub rounding: f64,
 }
 

@@ -15,7 +15,7 @@ const SETTINGS: [&CStr; 3] = [c"validate_sync", c"validate_best_practices", c"sy
 const FEATURES: [vk::ValidationFeatureEnableEXT; 2] =
     [vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION, vk::ValidationFeatureEnableEXT::BEST_PRACTICES];
 
-/// Messages that tell of no fault: the id, what the text says besides (an id may stand for several extensions), and why.
+/// Messages that are no faults: id, a part of the text (one id may stand for several extensions), and the reason.
 const ACCEPTED: [(&str, &str, &str); 7] = [
     ("BestPractices-vkCreateInstance-specialuse-extension-debugging", "", "validation takes extensions for debugging"),
     ("BestPractices-specialuse-extension", "VK_EXT_debug_utils", "the same in the words of newer layers"),

@@ -45,8 +45,8 @@ impl IndexFormat {
     }
 }
 
-/// The draws that make one mesh of a frame, or a part of one: its vertices are those of the draws, in order, each draw's
-/// once for each of its instances; so are its triangles.
+/// The draws that make one mesh of a frame, or a part of one. Its vertices and triangles are those of the draws, in
+/// order, each draw repeated for each of its instances.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Geometry {
     draws: Vec<Draw>,

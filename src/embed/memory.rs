@@ -89,11 +89,11 @@ impl Arena {
     }
 }
 
-/// What lies where.
+/// Where everything lies in the three buffers.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Layouts {
     arena: Arena,
-    /// What the host binds itself.
+    /// The buffers that the host binds itself.
     pub own: Vec<BufferRequirement>,
     /// Table of draws of each mesh: offset in the upload and in the device buffer, bytes.
     pub draws: Vec<(u64, u64, u64)>,
@@ -108,7 +108,7 @@ pub(super) struct Layouts {
     pub readback_size: u64,
 }
 
-/// What a pass's memory depends on beyond its plans.
+/// What a pass's memory depends on besides its plans.
 pub(super) struct Wishes<'a> {
     pub alignment: u64,
     pub own: &'a [BufferId],

@@ -76,7 +76,7 @@ impl Rasterizer {
         let frame = self.bind_parts(&plan.frame, parts(plan.frame.buffers(), &frame)?)?;
         let gradients = match &plan.gradients {
             Some(plan) => Some(self.bind_backward_parts(plan, &parts(plan.buffers(), &added)?, &frame)?),
-            // Refuses what is given beyond the frame's.
+            // Refuses buffers that are given besides the frame's.
             None => parts(&[], &added).map(|_| None)?,
         };
         let part = |at| BufferPart::of_host(&self.device, at);
@@ -302,12 +302,12 @@ impl Pass {
         Ok(())
     }
 
-    /// Records what is done once, and again when [`write_inputs`](Self::write_inputs) was, or indices, UVs or textures on the
-    /// device changed: the copies of the tables, and the placing of indices, UVs and texels. Begins and ends with barriers, as
-    /// every call here.
+    /// Records the work that is done once, and again after [`write_inputs`](Self::write_inputs) or a change of indices,
+    /// UVs or textures on the device: the copies of the tables, and the placing of indices, UVs and texels. Begins and
+    /// ends with barriers, as every call here.
     ///
     /// # Errors
-    /// [`Error::Limit`] for more workgroups than the device allows. What was recorded up to then is harmless, but no setup.
+    /// [`Error::Limit`] for more workgroups than the device allows. The commands recorded before it do no harm.
     pub fn record_setup(&self, commands: &mut HostCommands) -> Result<()> {
         let mut recorder = Recorder::on_host(&self.rasterizer.device, commands);
         recorder.begin_label("setup");

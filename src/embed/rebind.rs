@@ -20,7 +20,7 @@ pub struct Rebound {
 }
 
 impl Pass {
-    /// Other cameras, as many as before: see [`set_camera_matrices`](Self::set_camera_matrices).
+    /// Changes the cameras, but not their number: see [`set_camera_matrices`](Self::set_camera_matrices).
     ///
     /// # Errors
     /// [`Error::Scene`] for another number of them, [`Error::Host`] where they need other kernels.
@@ -31,8 +31,8 @@ impl Pass {
     }
 
     /// The same from matrices, as [`PassBuilder::camera_matrices`](super::PassBuilder::camera_matrices); near and far are
-    /// theirs, as [`PassBuilder::planes`](super::PassBuilder::planes) says. The next [`write_frame`](Self::write_frame) and the
-    /// next recording have them. Allocates only for an error.
+    /// theirs, as [`PassBuilder::planes`](super::PassBuilder::planes) says. The next [`write_frame`](Self::write_frame)
+    /// and the next recording use them. Allocates only for an error.
     ///
     /// # Errors
     /// As [`set_cameras`](Self::set_cameras), and [`HostCamera::new`](super::HostCamera::new).
@@ -43,8 +43,8 @@ impl Pass {
         Ok(())
     }
 
-    /// Other settings of the same kernels and sizes: σ, γ, the background colour. What is recorded from now on has them, also
-    /// what is stored by images that were bound before. Allocates only for an error.
+    /// Changes settings that need no other kernels or sizes: σ, γ, the background colour. All later recordings use
+    /// them, also stores to images that were bound before. Allocates only for an error.
     ///
     /// # Errors
     /// [`Error::Settings`], and [`Error::Host`] where they need other kernels or more memory.
@@ -65,8 +65,8 @@ impl Pass {
         Ok(())
     }
 
-    /// Other lights, as many as before and of the same shading: the next [`write_frame`](Self::write_frame) and the next
-    /// recording have them. Allocates only for an error.
+    /// Changes the lights, but not their number or shading. The next [`write_frame`](Self::write_frame) and the next
+    /// recording use them. Allocates only for an error.
     ///
     /// # Errors
     /// [`Error::Light`]; [`Error::Host`] where they need other kernels.
@@ -81,8 +81,8 @@ impl Pass {
         Ok(())
     }
 
-    /// Binds another plan in place of this one: more room, other meshes, another size. The inputs must be written, the setup
-    /// recorded and images bound again. Where it fails, the pass is as it was.
+    /// Binds another plan in place of this one: more room, other meshes, another size. Afterwards the inputs must be
+    /// written, the setup recorded and images bound again. If it fails, the pass stays as it was.
     ///
     /// # Errors
     /// As [`Rasterizer::bind_pass`](super::Rasterizer::bind_pass).
@@ -139,7 +139,7 @@ impl PassPlan {
         Ok(shape.cutoff)
     }
 
-    /// Other settings, with near and far as they are used, and other lights, where these need the same kernels and buffers.
+    /// Sets settings with their final near and far, and lights, if these need the same kernels and buffers.
     fn set_frame(&mut self, settings: Settings, cutoff: f64, lights: Option<Lights>) -> Result<()> {
         let lights_used = lights.as_ref().unwrap_or(&self.frame.shape.lights);
         let push = self.frame.push_with(&settings, cutoff, lights_used)?;

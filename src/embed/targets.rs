@@ -20,9 +20,9 @@ pub(super) struct Floats {
 pub(super) enum Overlap {
     /// Nothing.
     None,
-    /// Elements lie on elements: the same array, or parts of it.
+    /// Elements coincide: they are the same array, or parts of one.
     Elements,
-    /// Floats of one lie in the other's in some other way.
+    /// They overlap in some other way.
     Torn,
 }
 
@@ -48,7 +48,7 @@ impl Floats {
         if self.stride != other.stride {
             return Overlap::Torn;
         }
-        // How far this array's elements lie behind the other's.
+        // The distance from the other array's elements to this one's.
         let behind = (self.start % self.stride + self.stride - other.start % self.stride) % self.stride;
         match behind {
             0 if self.bytes == other.bytes => Overlap::Elements,

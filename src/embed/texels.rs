@@ -13,9 +13,9 @@ use crate::vulkan::{BufferPart, DescriptorPool, Recorder, TextureRef, kernels, v
 
 /// A step that fills a texture's part of `texels`.
 pub(super) enum TexelStep {
-    /// By a kernel.
+    /// A kernel writes it.
     Place { stage: Stage, push: [u32; 4], groups: [u32; 3] },
-    /// As they are.
+    /// The texels are copied as they are.
     Copy { from: BufferPart, to: BufferPart, at: u64, size: u64 },
 }
 

@@ -351,7 +351,7 @@ mod tests {
         assert!(told(&[[1.0; 3]; 2]).is_err_and(|text| text.contains("2 normals, expected 3")));
         let bad = [[1.0; 3], [f32::NAN; 3], [1.0; 3]];
         assert!(told(&bad).is_err_and(|text| text.contains("vertex 1")));
-        // Of another shape they would be wrong.
+        // Moving the vertices drops the normals, which would be those of another shape.
         let mut moved = given(&[[1.0; 3]; 3]).unwrap();
         assert!(moved.set_positions(vec![[1.0; 3]; 3]).is_ok() && moved.normals().is_empty());
     }

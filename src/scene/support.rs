@@ -64,9 +64,9 @@ impl Settings {
     }
 
     /// Sets near and far close around what the cameras see of the scene, so that γ means about the same softness for every
-    /// scene: `margin` is the room on both sides as a share of the depths that the vertices span. 0.05 is for a picture, 0.5 for
-    /// a mesh that will move. Vertices behind a camera count as near as a thousandth of the farthest. Settings for a scene
-    /// that no camera looks at stay what they are.
+    /// scene: `margin` is the room on both sides as a share of the depths that the vertices span. 0.05 is for a
+    /// picture, 0.5 for a mesh that will move. Vertices behind a camera count as near as a thousandth of the farthest.
+    /// If no camera looks at the scene, the settings stay as they are.
     pub fn with_depths_of(mut self, scene: &Scene, cameras: &[Camera], margin: f64) -> Self {
         let spans = cameras.iter().enumerate().filter_map(|(view, camera)| depths(scene, view, camera));
         let start = [f64::INFINITY, f64::NEG_INFINITY];

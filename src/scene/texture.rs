@@ -62,8 +62,8 @@ impl Texture {
     /// This is for cut-outs (leaves, fences, decals), whose α is near 0 or 1. It is not for glass: the softmax orders by
     /// depth, so a near surface of fractional α outweighs what lies behind it all the same, and shows as its own colour.
     ///
-    /// A frame none of whose textures has an α below 1 costs nothing more than without, and has no gradient by α: where all
-    /// are 1 the texture is opaque.
+    /// If no texture of a frame has an α below 1, the frame costs nothing more and has no gradient by α: a texture
+    /// whose α is 1 everywhere is opaque.
     ///
     /// # Errors
     /// [`Error::Mesh`] when the count does not fit, or a value is not within [0, 1].

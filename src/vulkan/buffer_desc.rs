@@ -68,7 +68,7 @@ impl TexelFormat {
     }
 }
 
-/// What a buffer is to be.
+/// The properties of a buffer to be made.
 #[derive(Clone, Copy, Debug)]
 pub struct BufferDesc<'a> {
     /// Its name in errors, validation messages and debuggers.
@@ -112,7 +112,7 @@ impl BufferDesc<'_> {
     );
 
     /// Checks that a device of these limits can bind such a buffer as a whole, in the ways that its usage and texels say,
-    /// and allocate it in one piece. Returns its size in bytes as it is made.
+    /// and allocate it in one piece. Returns its size in bytes, rounded up.
     ///
     /// # Errors
     /// [`Error::Limit`] naming the buffer and the limit; [`Error::Vulkan`] naming usages that are none of

@@ -191,7 +191,7 @@ impl Device {
         self.inner.debug_utils.as_ref()
     }
 
-    /// What names and labels begin with.
+    /// The prefix of names and labels.
     pub(super) fn label_prefix(&self) -> &'static str {
         self.inner.label_prefix
     }

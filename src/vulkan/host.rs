@@ -27,8 +27,8 @@ impl HostAdapter {
         Self { get_instance_proc_addr, instance, physical_device }
     }
 
-    /// The same from plain numbers, for a host on another ash or on none: a dispatchable handle is its pointer, as
-    /// `Handle::as_raw` of any ash gives it.
+    /// The same from plain numbers, for a host that uses another version of ash or none. The number of a dispatchable
+    /// handle is its pointer, which `Handle::as_raw` of any ash returns.
     ///
     /// # Errors
     /// [`Error::Host`] where one of them is null.
@@ -77,7 +77,7 @@ fn null<T>(what: &str) -> Result<T> {
     Err(Error::Host { what: format!("{what} is null"), fix: "give handles that were made".into() })
 }
 
-/// What names and labels begin with where nobody chooses.
+/// The prefix of names and labels unless the host chooses another.
 pub(super) const LABEL_PREFIX: &str = "softras ";
 
 /// A host's device, and what softras may use with it.

@@ -1,4 +1,4 @@
-//! A host's buffers and images, as they cross the border.
+//! A host's buffers and images, as softras takes them.
 
 use crate::{Error, Result};
 use ash::vk::{self, Handle};

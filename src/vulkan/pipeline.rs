@@ -170,7 +170,7 @@ impl Constants {
 /// Whether a device has a capability, by SPIR-V's name.
 fn has(limits: &Limits, capability: &str) -> bool {
     match capability {
-        // Of every device of Vulkan 1.1.
+        // Every device of Vulkan 1.1 has these.
         "Shader" | "SampledBuffer" | "GroupNonUniform" => true,
         "GroupNonUniformShuffle" => limits.subgroup_shuffle,
         _ => false,

@@ -297,7 +297,7 @@ pub fn small(width: u32, height: u32) -> Settings {
     Settings { width, height, outputs: Outputs::ALL, sigma: 1e-4, gamma: 1e-2, far: 20.0, ..Settings::default() }
 }
 
-/// So many triangles about the centre of pixel (7, 8) of a 16×16 image, which some half of them cover.
+/// This many triangles about the centre of pixel (7, 8) of a 16×16 image. About half of them cover it.
 pub fn crowd(count: usize) -> Vec<[[f32; 3]; 3]> {
     let random = &mut Random::new(3);
     let place = |i: usize| {

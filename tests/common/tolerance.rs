@@ -7,7 +7,7 @@ pub use softras_lab::agreement::{GRADIENT, GradientTolerance};
 /// How far the kernels may be from the reference.
 #[derive(Clone, Copy, Debug)]
 pub struct Tolerance {
-    /// Of a value, in units of max(1, |value|).
+    /// The largest error of a value, in units of max(1, |value|).
     pub value: f64,
     /// Pixels with a smaller margin are not compared: there the model jumps within the kernels' rounding.
     pub margin: f64,
@@ -44,7 +44,7 @@ pub fn of(case: &Case) -> Tolerance {
     Tolerance { value: IMAGE.value * edge.max(1.0) * cut * steep.clamp(1.0, 2.0), ..IMAGE }
 }
 
-/// Of pixels computed by hand: a few roundings of an f32 near 1, exp within 3 + 2|x| of its last places.
+/// For pixels computed by hand: a few roundings of an f32 near 1, exp within 3 + 2|x| of its last places.
 pub const BY_HAND: f64 = 2e-6;
 
 /// The same scene computed in another order: sums of up to some thousand terms, each with half a unit in its last place.

@@ -65,7 +65,7 @@ struct Pair {
     front: bool,
     /// Where the colour comes from, and with which weights.
     sources: Vec<(usize, f64)>,
-    /// Of `sources`, those that the official backward pass gives a gradient.
+    /// Those of `sources` that the official backward pass gives a gradient.
     differentiable: bool,
     undecided: bool,
 }

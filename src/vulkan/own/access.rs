@@ -10,11 +10,11 @@ use std::sync::atomic::{AtomicI64, Ordering};
 /// Who uses a mapped buffer now, counted as `RefCell` counts borrows.
 ///
 /// Every slice of the mapping is one use by the host, every pending command buffer that names the buffer one use by the
-/// device. Whoever comes second while the other side is there receives an error, so that no byte changes behind a
-/// reference. A slice or a command buffer that is leaked keeps its use for ever, which is safe.
+/// device. If one side uses the buffer, the other gets an error, so that no byte changes behind a reference. A slice or
+/// a command buffer that is leaked keeps its use for ever, which is safe.
 pub(in crate::vulkan) struct Access {
     name: String,
-    /// Positive: as many uses by the host. Negative: as many by the device.
+    /// The number of uses: positive if by the host, negative if by the device.
     uses: AtomicI64,
 }
 

@@ -141,7 +141,7 @@ fn extensions(entry: &ash::Entry, layer: Option<&CStr>) -> Result<Vec<std::ffi::
     Ok(found.iter().filter_map(|e| e.extension_name_as_c_str().ok()).map(CStr::to_owned).collect())
 }
 
-/// How to tell the validation layer what to check; an error unless it is there with all that we need of it.
+/// The way to configure the validation layer; an error unless it is installed with all extensions that we need.
 fn require_validation(entry: &ash::Entry, debug_utils: bool) -> Result<Checks> {
     // SAFETY: a plain query.
     let layers = unsafe { entry.enumerate_instance_layer_properties() }.named("vkEnumerateInstanceLayerProperties")?;

@@ -11,9 +11,9 @@ use ash::vk;
 
 /// A device buffer that the host writes before, or reads after, the work on it.
 ///
-/// Where the device's memory is the host's own (software, integrated), the host reaches it directly, and
-/// [`record_upload`](Self::record_upload) and [`record_download`](Self::record_download) record nothing. Elsewhere they
-/// copy between the buffer and its twin; barriers around them are the caller's.
+/// If the host can map the device's memory (software, integrated), it reads and writes the buffer directly, and
+/// [`record_upload`](Self::record_upload) and [`record_download`](Self::record_download) record nothing. Otherwise they
+/// copy between the buffer and its twin in host memory; the caller puts barriers around them.
 #[derive(Debug)]
 pub struct SharedBuffer {
     device: Buffer,
@@ -52,7 +52,7 @@ impl SharedBuffer {
         &self.device
     }
 
-    /// There is no twin, so nothing is ever copied.
+    /// Whether there is no twin, so that nothing is ever copied.
     pub fn is_direct(&self) -> bool {
         self.twin.is_none()
     }

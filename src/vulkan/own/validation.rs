@@ -5,7 +5,7 @@ use std::ffi::{CStr, CString, c_char, c_void};
 use std::io::Write;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Messages that tell of no fault: the id, what the text says besides (an id may stand for several extensions), and why.
+/// Messages that are no faults: id, a part of the text (one id may stand for several extensions), and the reason.
 const ACCEPTED: [(&str, &str, &str); 4] = [
     ("BestPractices-vkCreateInstance-specialuse-extension-debugging", "", "validation takes extensions for debugging"),
     ("BestPractices-specialuse-extension", "VK_EXT_debug_utils", "the same in the words of newer layers"),
@@ -73,7 +73,7 @@ impl Checks {
     }
 }
 
-/// Whether a message of this id tells of no fault. Older layers begin the id with `UNASSIGNED-`.
+/// Whether a message of this id is no fault. Older layers begin the id with `UNASSIGNED-`.
 fn accepted(id: &str, text: &str) -> bool {
     let id = id.strip_prefix("UNASSIGNED-").unwrap_or(id);
     ACCEPTED.iter().any(|(accepted, about, _)| id == *accepted && text.contains(about))

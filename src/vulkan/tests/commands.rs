@@ -190,7 +190,7 @@ fn the_pipeline_cache_is_kept_on_disk() -> Outcome {
     let scratch = tempfile::tempdir()?;
     let folder = scratch.path().join("deep/cache");
     let options = ContextOptions { cache: CacheFolder::At(folder.clone()), ..Default::default() };
-    // The one file that is there afterwards.
+    // Afterwards there is one file.
     let run = || -> Result<_, Box<dyn std::error::Error>> {
         let context = Context::new(&options)?;
         SelfTest::new(&context)?;

@@ -128,7 +128,7 @@ fn the_simple_api_gives_everything_back_too() {
     assert!(memory >= 1 && calls > tier(1, 3), "{memory} {calls}");
 }
 
-/// A renderer whose memory ran out in the middle goes on when there is some again, with the same bits.
+/// A renderer that ran out of memory works again when there is some, with the same bits.
 #[test]
 fn a_renderer_goes_on_after_memory_ran_out() {
     let _guard = shim::lock();
