@@ -121,7 +121,7 @@ fn find(
     let agreement = Agreement::of(&view, &posed, target, renderer)?;
     let other = search.found().iter().find(|(pose, _)| pose.degrees_to(&best) > OTHER);
     let confidence = other.map(|(_, other)| (1.0 - loss / other.max(1e-12)).clamp(0.0, 1.0));
-    // Of poses that do not explain the picture none is good.
+    // If the best pose does not explain the picture, others are not listed as equally good.
     let good = if agreement.is_near() { search.equally_good() } else { 1 };
     let equally_good = search.found()[..good].to_vec();
     tell(args, &Answer { equally_good, confidence, agreement })
