@@ -70,7 +70,7 @@ impl Plan<'_> {
         Ok(options)
     }
 
-    /// The settings of all steps, which lack the step's softness.
+    /// The settings that all steps have in common, without the softness.
     fn base(&self, mesh: &softras::Mesh, targets: &Views) -> PyResult<Settings> {
         let given = settings::settings(self.settings.as_ref())?;
         if self.settings.is_some() {
