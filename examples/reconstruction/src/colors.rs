@@ -11,7 +11,6 @@ use crate::{SIZE, VIEWS, camera, hard};
 use burn::tensor::Device;
 use softras::{Mesh, Renderer, Result, Scene, Settings};
 
-/// Pixels of a picture.
 const PIXELS: usize = SIZE * SIZE;
 
 /// The colour of a pixel that the object covers.

@@ -24,7 +24,6 @@ const TOGETHER: usize = 20;
 /// The σ and γ of the comparison of starts.
 const SHARP: (f64, f64) = (1e-5, 1e-3);
 
-/// A method of finding a pose.
 struct Method {
     name: &'static str,
     options: PoseOptions,
@@ -97,7 +96,6 @@ fn tell(method: &str, starts: usize, found: &[Pose], truth: &[Pose]) {
     println!("{method:<44} {starts:>6} {mean:>8.2} {median:>8.2} {within:>8}");
 }
 
-/// The cube and its pictures.
 struct Cube {
     scene: Scene,
     camera: Camera,

@@ -17,7 +17,6 @@ use std::{
     sync::atomic::Ordering,
 };
 
-/// Steps between two checkpoints.
 const CHECKPOINT_STEPS: usize = 100;
 
 pub fn run(args: &FitArgs) -> Result<(), Failure> {

@@ -33,7 +33,6 @@ pub fn run(args: &PoseArgs) -> Result<(), Failure> {
     find(args, &mesh, origin, &Target::new(width, height, &pixels), &mut renderer)
 }
 
-/// A target picture.
 struct Target {
     color: Image,
     silhouette: Image,
@@ -127,7 +126,6 @@ fn find(
     tell(args, &Answer { equally_good, confidence, agreement })
 }
 
-/// The result of the fit.
 struct Answer {
     /// The best pose and those that explain the picture as well, with their losses.
     equally_good: Vec<(Pose, f64)>,

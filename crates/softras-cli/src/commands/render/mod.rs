@@ -61,7 +61,6 @@ fn still(stage: &mut Stage<'_>, targets: &[Target], report: &mut Report) -> Resu
     Ok(())
 }
 
-/// One file to write.
 #[derive(Debug)]
 struct Target {
     path: PathBuf,
