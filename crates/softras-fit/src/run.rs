@@ -45,7 +45,7 @@ type Best = (f64, Mesh, usize);
 pub struct ShapeRun {
     shape: ShapeFit,
     pub(crate) targets: Views,
-    /// The mean losses of the latest steps in which every view was compared.
+    /// The losses of the latest steps, at most as many as compare every view once.
     latest: VecDeque<f64>,
     best: Option<Best>,
     /// The best of the shapes before this one.

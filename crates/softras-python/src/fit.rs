@@ -13,7 +13,7 @@ use softras::{Scene, Settings};
 use softras_fit::{ImageLoss, Parametrization, Regularizer, Schedule, ShapeFit, ShapeOptions, ShapeRun, StepLosses};
 use softras_io::Views;
 
-/// The arguments of a fit, all of which `softras.fit` gives.
+/// The arguments of a fit, all of which `softras.deform` gives.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub struct Plan<'py> {

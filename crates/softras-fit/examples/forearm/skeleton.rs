@@ -32,7 +32,7 @@ pub struct SkeletonPose {
 pub struct Placed {
     /// From rest axes to the world's.
     rotation: DMat3,
-    /// Its joint.
+    /// The position of its joint.
     head: DVec3,
     /// World axes of its angles.
     axes: Vec<DVec3>,

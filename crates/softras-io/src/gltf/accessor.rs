@@ -33,7 +33,7 @@ impl Kind {
         })
     }
 
-    /// The bytes of a component.
+    /// The number of bytes of a component.
     pub(super) fn size(self) -> usize {
         match self {
             Self::I8 | Self::U8 => 1,
