@@ -47,7 +47,7 @@ impl Engine {
         Ok(Self { rasterizer: Rasterizer::new(&host)?, failure: Arc::default(), pool: HashPool::new(&device), device })
     }
 
-    /// What the engine's own descriptors ask of the parts of softras' buffer that they name.
+    /// The alignment that the engine's own descriptors need of parts of softras' buffer.
     pub fn storage_alignment(&self) -> u64 {
         self.device.physical.properties_v1_0.limits.min_storage_buffer_offset_alignment
     }

@@ -183,7 +183,7 @@ impl Fit {
         Ok(())
     }
 
-    /// The loss of the step done last; makes room where its frame's lists had none, so that the next steps are faster.
+    /// The loss of the last step. If the lists of its frame were too small, they grow, so that the next steps are faster.
     fn look(&mut self, engine: &mut Engine, mesh: &Mesh) -> Outcome<f32> {
         if let PassStatus::Grow(capacity) = self.soft.pass.status(self.soft.readback.mapped_slice())? {
             let plan = self.soft.pass.plan().builder().capacity(capacity).build()?;

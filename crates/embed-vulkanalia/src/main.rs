@@ -39,7 +39,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     }
 }";
 
-/// A step of Adam on each coordinate, with one rate for all of them. A frame that does not hold moves nothing.
+/// A step of Adam on each coordinate, with one rate for all of them. Nothing moves after a frame that is not whole.
 const ADAM: &str = "
 @group(0) @binding(0) var<storage, read> gradients: array<f32>;
 @group(0) @binding(1) var<storage, read_write> positions: array<f32>;

@@ -16,7 +16,7 @@ pub fn iou_loss(predicted: Tensor<3>, target: Tensor<3>) -> Tensor<1> {
     (sum(both) / (sum(either) + EPSILON)).neg().add_scalar(1.0).mean()
 }
 
-/// The smoothness of the surfaces of one triangulation: what keeps a shape that is learned from silhouettes a surface.
+/// The smoothness losses of meshes with one triangulation, which keep the surface smooth where silhouettes say nothing.
 #[derive(Clone, Debug)]
 pub struct Smoothness {
     /// Both ends of every edge, each once as a vertex and once as its neighbour.

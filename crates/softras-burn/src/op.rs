@@ -18,8 +18,8 @@ pub struct Node(Arc<Rendered>);
 /// The images of a frame as a function of its inputs.
 #[backend_extension(Flex, Autodiff)]
 pub trait RenderOps: Backend {
-    /// The packed images `[views, height, width, channels]` of a frame that has been rendered from these inputs; an input
-    /// that the scene itself gives is any tensor that is not tracked.
+    /// The packed images `[views, height, width, channels]` of a frame that has been rendered from these inputs; for an input
+    /// that was taken from the scene, pass any tensor that is not tracked.
     fn softras_images(
         positions: FloatTensor<Self>,
         colors: FloatTensor<Self>,

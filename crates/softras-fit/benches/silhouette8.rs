@@ -1,9 +1,9 @@
 //! Eight silhouettes of the bunny, 128², fitted by a sphere of 1280 faces in 150 steps: `cargo bench --bench silhouette8`.
 //!
-//! A task that another Vulkan rasterizer has published figures for, from `../shared/silhouette8/task.npz`; without that
-//! file this says so and does nothing. Time is the median of steps 21 to 150, each a whole step: eight views forward,
-//! loss, backward, regularisers, optimiser. Score is the IoU of the hard masks. Machines are noisy: compare within one
-//! run.
+//! The task is read from `../shared/silhouette8/task.npz`; another Vulkan rasterizer has published its figures for it.
+//! Without that file the benchmark prints a message and ends. Time is the median of steps 21 to 150, each a whole step:
+//! eight views forward, loss, backward, regularisers, optimiser. Score is the IoU of the hard masks. Machines are noisy:
+//! compare within one run.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 use glam::DVec3;
@@ -120,7 +120,7 @@ impl Task {
         scene.meshes.remove(0)
     }
 
-    /// g + 0.15 rms(g)/rms(l) l + 0.4 rms(g)/rms(n) n.
+    /// g + 0.15 rms(g)/rms(l) l + 0.4 rms(g)/rms(n) n, with l and n the gradients of the Laplacian and of the normal consistency.
     fn regularized(&self, values: &[f64], gradient: &[[f32; 3]]) -> Vec<f64> {
         let positions: Vec<DVec3> = values.chunks_exact(3).map(DVec3::from_slice).collect();
         let gradient: Vec<DVec3> = gradient.iter().map(|g| DVec3::from(g.map(f64::from))).collect();

@@ -101,7 +101,7 @@ fn hull(
         Ok(raw) => {
             let edge = options.edge.map_or(HULL_EDGE, |edge| edge.0) * subject.pixel;
             let hull = evened(&raw, edge)?;
-            // Depths have shown the hollows already.
+            // A hull that was carved by depths has its hollows already.
             let lit = subject.one_color && options.color && !subject.lights.directional.is_empty();
             if !lit || targets.depth.is_some() {
                 return Ok(Some(hull));

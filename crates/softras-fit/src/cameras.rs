@@ -28,7 +28,7 @@ impl Sphere {
     }
 }
 
-/// How far the vertices that triangles use are from a point, at most.
+/// The largest distance from a point to a vertex that a triangle uses.
 pub fn reach(mesh: &Mesh, from: DVec3) -> f64 {
     let points = points(mesh);
     mesh.triangles().iter().flatten().map(|&i| points[i as usize].distance(from)).fold(0.0, f64::max)
@@ -48,7 +48,7 @@ pub fn around(bounds: Sphere, count: usize, fov: f64) -> Result<Vec<Camera>> {
     (0..count).map(one).collect()
 }
 
-/// The camera for images of another size. Only that of [`Projection::Pinhole`] is in pixels.
+/// The camera for images x times as wide and y times as high. Only [`Projection::Pinhole`] is measured in pixels and changes.
 pub fn scaled(camera: &Camera, [x, y]: [f64; 2]) -> Result<Camera> {
     let Projection::Pinhole { fx, fy, cx, cy } = *camera.projection() else { return Ok(*camera) };
     Camera::from_matrix(camera.matrix(), Projection::Pinhole { fx: x * fx, fy: y * fy, cx: x * cx, cy: y * cy })
@@ -88,8 +88,9 @@ fn half(camera: &Camera, point: DVec3, (height, width): (usize, usize)) -> f64 {
     }
 }
 
-/// The region that the cameras look at: the point nearest to the middles of their pictures, and the radius around it that the narrowest view shows,
-/// or the radius that a mask takes where that is more. Views whose mask the border cuts tell neither.
+/// The region that the cameras look at: the point nearest to the rays through the middles of their pictures, and the radius around
+/// it that the narrowest view shows, or the largest radius of a mask if that is more. Views whose mask is empty or cut by the border
+/// count only if all are.
 ///
 /// # Errors
 /// [`softras::Error::Fit`] where more than half of the cameras look away from that point.
@@ -134,12 +135,12 @@ fn whole_mask(silhouettes: &Image, view: usize, camera: &Camera, center: DVec3) 
     Some(2.0 * farthest? / height.min(width) as f64)
 }
 
-/// The length of a view's pixel about a point, world units.
+/// The length of a view's pixel at a point, world units.
 pub fn pixel_of(camera: &Camera, point: DVec3, size: (usize, usize)) -> f64 {
     2.0 * half(camera, point, size) / size.0.min(size.1) as f64
 }
 
-/// The length of a pixel about a point, world units: that of the median view.
+/// The length of a pixel at a point, world units: that of the median view.
 pub fn pixel(cameras: &[Camera], center: DVec3, size: (usize, usize)) -> f64 {
     let mut pixels: Vec<f64> = cameras.iter().map(|c| pixel_of(c, center, size)).filter(|r| *r > 0.0).collect();
     pixels.sort_by(f64::total_cmp);

@@ -2,8 +2,8 @@
 //!
 //! The signed distance to the mesh's surface, above 0 within it, is sampled on the grid of the visual hull. The lesser of it and
 //! the hull's samples is above 0 where both have an inside, and its zero level is a closed mesh whatever the old mesh was:
-//! film over a hole is gone, and parts that overlap are one. Where the old mesh leaves something out, the hull's samples stand
-//! alone.
+//! a film of triangles over a hole disappears, and parts that overlap become one. Where the old mesh leaves out a part, only the
+//! hull's samples count.
 
 use super::bad;
 use super::hull::{MOST_ENLARGED, View, far, hull, mend, views};
@@ -20,9 +20,8 @@ use softras::{
 use softras_io::Views;
 
 /// The solid of a mesh less all that a silhouette shows to be empty, as a mesh of new triangles in the colours of the nearest
-/// points. What `missing` marks above ½ in a view, a part of its silhouette that the mesh leaves out, is added as the
-/// [hull](crate::visual_hull) has it. Parts of less than a thousandth of the solid are left out, and air that is enclosed is
-/// filled.
+/// points. `missing` marks, above ½, the parts of a view's silhouette that the mesh leaves out; they are added from the
+/// [hull](crate::visual_hull). Parts of less than a thousandth of the solid are left out, and enclosed air is filled.
 ///
 /// The cube and the resolution are those of [`visual_hull`](crate::visual_hull).
 ///
@@ -51,8 +50,8 @@ pub fn carved(
     }
 }
 
-/// The hull's samples where a marked pixel or one beside it shows them, and the least elsewhere. Between a silhouette's parts
-/// lies at least one pixel of background, where the hull's samples are outside: no part is cut off at its marks.
+/// The hull's samples that a marked pixel or one beside it shows; all others are outside. The marks may be one pixel wider than
+/// a part, since at least one pixel of background, where the hull has nothing, lies between a silhouette's parts.
 fn added(of: &Views, missing: &Image, views: &[View<'_>], hull: &Samples) -> Result<Vec<f32>> {
     let size = |image: &Image| (image.batch, image.height, image.width, image.channels);
     if of.silhouette.as_ref().map(size) != Some(size(missing)) {
@@ -78,7 +77,7 @@ fn cut(grid: &mut Samples, mesh: &Mesh, surface: &Nearest) -> Result<()> {
     let solid = Voxels::new(mesh, low.to_array(), grid.resolution as f64 * grid.step, grid.resolution)?;
     let far = far(grid);
     for (i, inside) in solid.inside().iter().enumerate() {
-        // What is outside of the hull needs no distance: there are many such samples.
+        // Samples far outside of the hull, which are many, stay as they are.
         if grid.values[i] > -far {
             let point = grid.position(i);
             let found = surface.find(point, DVec3::ZERO, f64::from(far));

@@ -1,4 +1,4 @@
-//! A mesh's colours beside those of the views: their error, and the one colour that comes nearest.
+//! Compares a mesh's colours with those of the views: their error, and the one colour that fits best.
 
 use crate::{
     finer, pooled, sized,
@@ -43,8 +43,8 @@ pub fn color_error(
     Ok((count > 0).then(|| sum / count as f64))
 }
 
-/// The colour that a mesh needs for its renderings under the lights to be the targets', by least squares over the pixels in
-/// the object. It need not be the object's mesh, but one that faces the light alike in the mean.
+/// The one colour with which a mesh under the lights looks most like the targets, by least squares over the object's pixels. The
+/// mesh may be a rough one, such as a sphere, if on average it is as much lit as the object.
 pub fn color_under_light(mesh: &Mesh, subject: &Subject, renderer: &mut Renderer) -> Result<[f32; 3]> {
     let targets = &subject.views;
     let (Some(color), Some(silhouette)) = (&targets.color, &targets.silhouette) else { return Ok([0.8; 3]) };

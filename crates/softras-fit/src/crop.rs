@@ -50,8 +50,8 @@ pub fn cropped(subject: &mut Subject, most: usize, notes: &mut Vec<String>) -> R
     Ok(())
 }
 
-/// The square around a mask, within the picture as far as the mask reaches its border; of an empty mask the whole picture. `None`
-/// where there is no such square.
+/// The square around a mask, or around the whole picture if the mask is empty. If the mask reaches the picture's border, the square
+/// lies within the picture; `None` where it is too large for that.
 fn square(masks: &Image, view: usize) -> Option<Square> {
     let (width, height) = (masks.width, masks.height);
     let (mut low, mut high) = ([usize::MAX; 2], [0; 2]);
@@ -65,7 +65,7 @@ fn square(masks: &Image, view: usize) -> Option<Square> {
     }
     let side = MARGIN * (high[0] - low[0]).max(high[1] - low[1]) as f64;
     let mut corner = [0, 1].map(|k| 0.5 * ((low[k] + high[k]) as f64 - side));
-    // Beyond the border nothing is known of an object that it cuts.
+    // Nothing is known of the part of an object that lies beyond the border.
     let is_cut = low.contains(&0) || high[0] == width || high[1] == height;
     for (corner, size) in corner.iter_mut().zip([width, height]).filter(|_| is_cut) {
         *corner = corner.clamp(0.0, (size as f64 - side).max(0.0));

@@ -23,12 +23,12 @@ const LAST: usize = 15;
 pub struct Film {
     frames: Vec<Picture>,
     every: usize,
-    /// For frames with SAMPLES along each side of a pixel.
+    /// The camera, scaled for frames with SAMPLES along each side of a pixel.
     camera: Option<Camera>,
     target: Picture,
     size: (u32, u32),
     settings: Settings,
-    /// Those of the fit; `None` where it has no colours.
+    /// The lights of the fit; `None` where it has no colours.
     lights: Option<Lights>,
 }
 

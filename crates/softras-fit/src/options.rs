@@ -7,9 +7,9 @@ use softras::{
 };
 use softras_io::Views;
 
-/// The views from which on some are held out where no number is given: of fewer the shape needs each.
+/// With at least this many views some are held out by default. With fewer the shape needs all of them.
 const HOLDS_OUT: usize = 12;
-/// The most views that are held out then.
+/// The most views that are held out by default.
 const MOST_HELD_OUT: usize = 3;
 
 /// The mesh that a fit begins with.
@@ -22,7 +22,7 @@ pub enum Template {
     Hull,
     /// A sphere.
     Sphere,
-    /// A mesh, whose triangles stay what they are. Of one with a texture, [`FitOptions::texture`] fits the texels alone.
+    /// A mesh, whose triangles stay what they are. If it has a texture, [`FitOptions::texture`] fits only the texels.
     Mesh(Box<Mesh>),
 }
 
@@ -41,27 +41,27 @@ pub enum Preset {
 pub struct FitOptions {
     /// The mesh to begin with.
     pub template: Template,
-    /// Begin with a sphere of so many subdivisions, unless the template is a hull or a mesh; `None`: 3, and only where the template
-    /// asks for a sphere.
+    /// Begin with a sphere of so many subdivisions, unless the template is a hull or a mesh. `None`: the template decides whether to
+    /// begin with a sphere; it has 3 subdivisions, or 4 with [`Template::Auto`] and six views or more.
     pub subdivisions: Option<u32>,
     /// Fit the colours too: the template's texels where it has a texture, else a colour for each vertex.
     pub color: bool,
-    /// Fit a texture of at most so many texels a side: of a template that has one the texels alone, else that of an atlas that is
-    /// made for the mesh that was found.
+    /// Fit a texture of at most so many texels a side. If the template has a texture, only its texels are fitted; else an atlas is made
+    /// for the mesh that was found.
     pub texture: Option<u32>,
-    /// Keep views that do not agree with the others, and holes that one mask alone shows.
+    /// Do not leave out views that disagree with the others, nor fill holes that only one mask shows.
     pub keep_views: bool,
-    /// Keep cameras that the silhouettes show to be off. Those of views that were rendered of a mesh are always kept.
+    /// Do not refine cameras that disagree with the silhouettes. Cameras of views that were rendered of a mesh are never refined.
     pub keep_cameras: bool,
-    /// Keep colours of pictures whose exposures differ.
+    /// Do not correct the colours of pictures whose exposures differ.
     pub keep_exposure: bool,
-    /// The most pixels along a side of the pictures, which are cropped to the object where that leaves out half of the pixels or more;
-    /// 0: as they are. Those with depths or normals stay as they are.
+    /// The most pixels along a side of the pictures. Larger ones are cropped to the object where that leaves out half of the pixels or
+    /// more. 0: no crops. Pictures with depths or normals stay as they are.
     pub crop: usize,
-    /// Every so many views is used.
+    /// Use every `view_stride`th view.
     pub view_stride: usize,
-    /// Views that are not fitted, by which the result is judged, spread over all; `None`: an eighth of twelve views or more, at
-    /// most three, and none of views that were rendered of a mesh. At least one view is fitted.
+    /// The number of views that are not fitted and by which the result is judged, spread over all; `None`: an eighth if there are twelve
+    /// or more, at most three, and none if they were rendered of a mesh. At least one view is fitted.
     pub hold_out: Option<usize>,
     /// The set of defaults.
     pub preset: Preset,
@@ -83,7 +83,7 @@ pub struct FitOptions {
     pub faces: Faces,
     /// Samples along each side of a pixel of the views.
     pub samples: usize,
-    /// Views that a step compares, others in each; 0: all.
+    /// Compare so many views in each step, cycling through all of them; 0: all.
     pub views_per_step: usize,
     /// How strongly steps are smoothed over the surface, λ of (I + λ L)⁻¹; `None`: 5, 2 from a hull of one colour.
     pub smoothing: Option<f64>,
@@ -105,8 +105,8 @@ pub struct FitOptions {
     pub subdivision: Subdivision,
     /// Steps before which the mesh is remeshed to triangles of even size.
     pub remesh_at: Vec<usize>,
-    /// Leave the mesh the holes and parts that it begins with. Else it is cut anew to the silhouettes after 0.3 and 0.6 of the steps
-    /// where it covers a hole, leaves out a part or lies in itself, unless the template is a mesh or the preset is the official one.
+    /// Keep the holes and parts that the mesh begins with. Else, after 0.3 and 0.6 of the steps, a mesh that covers a hole, leaves out a
+    /// part or overlaps itself is cut anew to the silhouettes, unless the template is a mesh or the preset is the official one.
     pub keep_topology: bool,
     /// Edge length of a hull and of remeshing in pixels of the views, from the first to the last step; `None`: 1.5, and 2 for a hull.
     pub edge: Option<(f64, f64)>,

@@ -1,11 +1,11 @@
-//! Changes of topology while a fit runs: a mesh that covers a hole of the pictures, leaves out one of their parts, or lies in
+//! Changes of topology while a fit runs: a mesh that covers a hole of the pictures, leaves out one of their parts, or overlaps
 //! itself is cut anew to the silhouettes.
 //!
-//! No step of a fit opens a hole: a film over it has to be torn, and the gradients of an outline do not tear. So at fixed
-//! shares of the steps the mesh's silhouettes are compared with the pictures, by holes and parts. Where they differ, the
-//! mesh's solid is cut to the silhouettes, meshed and remeshed to edges as long as those it had (or shorter), and the fit goes on with
-//! the new mesh, if that is no worse: at once, or after some steps of its own. The steps before have brought the old mesh to the
-//! outlines, and not yet the new one, but no steps take the film away that it has over a hole.
+//! Steps only move vertices: they cannot tear a film of triangles over a hole. So at fixed shares of the steps the holes and parts
+//! of the mesh's silhouettes are compared with those of the pictures. Where they differ, the mesh's solid is cut to the
+//! silhouettes, meshed and remeshed to edges as long as those it had (or shorter), and the fit goes on with the new mesh, if that is
+//! no worse: at once, or after some steps of its own. It gets these steps because those before have moved only the old mesh to the
+//! outlines.
 
 use crate::{
     Fitting, ShapeFit, Topology,
@@ -18,17 +18,17 @@ use softras::{Mesh, Renderer, Result, Settings};
 use softras_io::Views;
 use std::ops::Range;
 
-/// A mesh lies in itself where it encloses more than this share of its solid twice or inside out. Of most fits that is nothing at
-/// 64 voxels a side, and of a chair that was drawn out of a sphere 1.3 %, by folds that steps may still draw out.
+/// A mesh overlaps itself if it encloses more than this share of its solid twice or inside out. In most fits the share is 0 at 64
+/// voxels a side. It was 1.3 % of a chair that was drawn out of a sphere, in folds that steps may still smooth.
 const GROSS: f64 = 0.02;
-/// Voxels along a side of the mesh's cube by which that is counted.
+/// Voxels along a side of the mesh's cube in which this share is counted.
 const VOXELS: usize = 64;
 
-/// Shares of the length that the edges had, tried one after the other where a mesh of such edges is no better: a cut leaves thin
-/// parts, such as a handle, which long edges cut off. A quarter gives sixteen times the triangles, some 20000 of the sphere's.
+/// Lengths of the new mesh's edges as shares of the old one's, tried in this order until a mesh is better: long edges cut off thin
+/// parts that a cut leaves, such as a handle. A quarter gives sixteen times the triangles, some 20000 for the sphere.
 const EDGES: [f64; 3] = [1.0, 0.5, 0.25];
-/// The share of all steps after which a mesh with less that is wrong, but farther from the silhouettes at once, is compared by its
-/// loss with the old mesh after as many steps. The optimiser has settled by then.
+/// The length of a trial as a share of all steps. A new mesh with fewer faults that is farther from the silhouettes is stepped so
+/// often, and then its loss is compared with that of the old mesh after as many steps. The optimiser has settled by then.
 const TRIAL: f64 = 0.05;
 
 /// What is wrong with the topology of a mesh, and how near its silhouettes are.
@@ -54,14 +54,13 @@ impl Found {
         self.views() > 0 || self.overlap > GROSS
     }
 
-    /// Whether less is wrong with a mesh of these findings than with another.
+    /// Whether a mesh of these findings has fewer faults than another.
     fn is_less_wrong(&self, old: &Self) -> bool {
         let fewer = self.views() < old.views() || old.overlap > GROSS && self.overlap <= GROSS;
         self.views() <= old.views() && fewer
     }
 
-    /// Whether a mesh of these findings is to take the place of another at once: it is nearer to the silhouettes, or as near, and
-    /// less is wrong with it.
+    /// Whether a mesh of these findings replaces another at once: it is at least as near to the silhouettes, and has fewer faults.
     fn replaces(&self, old: &Self) -> bool {
         self.iou >= old.iou && self.is_less_wrong(old)
     }
@@ -77,8 +76,7 @@ impl Found {
 }
 
 impl Fitting {
-    /// Cuts the mesh anew to the silhouettes before a step at which that is looked at, where its topology is wrong and the new mesh
-    /// is better.
+    /// Cuts the mesh anew to the silhouettes if its topology is wrong and the new mesh is better.
     pub(crate) fn recut(&mut self, step: usize, renderer: &mut Renderer) -> Result<()> {
         let settings = self.setup.settings(step);
         if self.run.targets.silhouette.is_none() {
@@ -111,8 +109,8 @@ impl Fitting {
         Ok(())
     }
 
-    /// The fit of the mesh, of those that were made, that takes the place of the old one: the last where it is better at once, else the
-    /// first with less that is wrong and a lower loss after a trial. With the figures by which that is decided.
+    /// The fit that goes on with one of the new meshes: with the last if it is better at once, else with the first that has fewer
+    /// faults and a lower loss after a trial; `None` if the old mesh stays. And the figures that decided, for a note.
     fn better(
         &self,
         made: &[(Mesh, Found)],
@@ -148,13 +146,13 @@ impl Fitting {
         Ok((None, why))
     }
 
-    /// The loss of a fit after the steps of a trial: the mean of the last that take all views once.
+    /// The loss of a fit after the steps of a trial: the mean over the last steps that together compare all views once.
     fn tried(&self, mut fit: ShapeFit, trial: &Range<usize>, renderer: &mut Renderer) -> Result<f64> {
         let (setup, turn) = (&self.setup, self.run.turn());
         let mut losses = Vec::new();
-        // The loss of a step is that before it moves anything, so that one more is taken.
+        // A step returns the loss before it moves anything, so one more is taken.
         for at in trial.start..=trial.end {
-            // Past its last step a fit would go on with the settings of that.
+            // Beyond the fit's last step a trial keeps the settings of that step.
             let at = at.min(setup.iterations - 1);
             let (rate, color_rate) = setup.rates(at);
             losses.push(fit.step(renderer, &setup.settings(at), &self.run.targets, rate, color_rate)?.loss);
@@ -162,7 +160,8 @@ impl Fitting {
         Ok(losses.iter().rev().take(turn).sum::<f64>() / turn as f64)
     }
 
-    /// The mesh cut to the silhouettes with the parts that it leaves out, of ever shorter edges, until one is better at once.
+    /// The mesh cut to the silhouettes, with the parts that it leaves out, several times with ever shorter edges until one is better
+    /// at once.
     fn cut(
         &self,
         mesh: &Mesh,
@@ -212,7 +211,7 @@ mod tests {
         for no_better in [found(&[1, 4], 0.0, 0.95), found(&[], 0.0, 0.89), found(&[0, 1, 4], 0.0, 0.99)] {
             assert!(!no_better.replaces(&old), "{:?} {}", no_better.unseen, no_better.iou);
         }
-        // Farther from the silhouettes, a mesh with less that is wrong gets a trial, and no other does.
+        // A mesh that is farther from the silhouettes gets a trial only if it has fewer faults.
         assert!(found(&[4], 0.0, 0.89).is_less_wrong(&old));
         assert!(![found(&[1, 4], 0.0, 0.89), found(&[0, 1, 4], 0.0, 0.99)].iter().any(|new| new.is_less_wrong(&old)));
         assert_eq!(old.reasons(&[0, 5, 10, 15, 20]), "covers a hole that is seen in view 5, 20");

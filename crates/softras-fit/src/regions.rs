@@ -1,7 +1,7 @@
 //! Connected regions of pixels, samples and vertices.
 
-/// The connected sets of those of `0..count` for which `is_in` holds, in the order of their first ones. `beside` appends what is
-/// next to one.
+/// The connected sets of those of `0..count` for which `is_in` holds, in the order of their first members. `beside` appends the
+/// neighbours of one.
 pub fn regions(
     count: usize,
     is_in: impl Fn(usize) -> bool,

@@ -45,7 +45,7 @@ type Best = (f64, Mesh, usize);
 pub struct ShapeRun {
     shape: ShapeFit,
     pub(crate) targets: Views,
-    /// The mean losses of the latest steps in which every view was compared.
+    /// The losses of the latest steps, at most as many as compare every view once.
     latest: VecDeque<f64>,
     best: Option<Best>,
     /// The best of the shapes before this one.
@@ -83,7 +83,7 @@ impl ShapeRun {
     }
 
     /// Keeps the mesh before a step if its loss is the least. The losses of steps with different views are not comparable, so
-    /// it is the mean over the steps in which the views had a turn; before the first turn ends, of those there are.
+    /// this is the mean loss of the latest steps that compared every view once, or of all steps if there were fewer.
     fn keep_best(&mut self, before: Mesh, loss: f64) {
         let turn = self.turn();
         self.latest.push_back(loss);
@@ -96,7 +96,7 @@ impl ShapeRun {
         }
     }
 
-    /// The steps that take all views once.
+    /// The number of steps that together compare every view once.
     pub(crate) fn turn(&self) -> usize {
         steps_of_a_turn(self.shape.options().views_per_step, self.targets.cameras.len())
     }

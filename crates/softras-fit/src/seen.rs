@@ -12,13 +12,13 @@ use softras::{
 };
 use softras_io::Views;
 
-/// A view sees a surface whose normal is at most as far from the view as this cosine says.
+/// The least cosine between a surface's normal and the direction to a camera that counts as seeing the surface.
 const LEAST_COSINE: f64 = 0.2;
 /// How far a point may lie behind the nearest surface, pixels.
 const BEHIND: f64 = 2.0;
-/// Neighbouring depths that differ by more pixels are those of two surfaces.
+/// Neighbouring depths that differ by more than this, in pixels, belong to two surfaces.
 const STEP: f64 = 8.0;
-/// The least silhouette of a pixel that shows the object alone.
+/// The least silhouette value of a pixel that shows nothing but the object.
 const COVERED: f64 = 0.99;
 /// Rounds in which colours spread to vertices that no view sees.
 const ROUNDS: usize = 200;
@@ -93,7 +93,8 @@ impl<'a> Seen<'a> {
         Some(sum / weight)
     }
 
-    /// The mesh with the colours of its neighbours at each vertex that none of some views sees. A part that none sees keeps its colours.
+    /// The mesh where each vertex that none of some views sees has the mean colour of its neighbours. A part of which no vertex is seen
+    /// keeps its colours.
     pub fn spread(&self, mesh: Mesh, some: &[usize]) -> Result<Mesh> {
         let Appearance::VertexColors(colors) = mesh.appearance() else { return Ok(mesh) };
         let (topology, mut colors) = (Topology::of(&mesh)?, doubles(colors));

@@ -16,9 +16,9 @@ const ITERATIONS: usize = 500;
 const HULL_ITERATIONS: usize = 150;
 /// The length of edges after remeshing, in pixels.
 const EDGE: f64 = 1.5;
-/// Shares of the steps before which the topology is looked at. At the first the mesh has reached the outlines, so that what is
-/// covered is a hole and no outline that is yet to come. The second sees what the first has left, with enough steps behind
-/// it for a new mesh to come to rest.
+/// Shares of the steps before which the topology is tested. By the first the mesh has reached the outlines, so that background that
+/// it covers is a hole and not an outline that it has yet to reach. The second tests what the first has left, with enough steps
+/// after it for a new mesh to converge.
 const RECUT_AT: [f64; 2] = [0.3, 0.6];
 
 /// Everything about a fit that does not change while it runs.
@@ -32,7 +32,7 @@ pub struct Setup {
     pub options: ShapeOptions,
     /// The number of steps.
     pub iterations: usize,
-    /// Steps before which the topology is looked at.
+    /// Steps before which the topology is tested.
     recut_at: Vec<usize>,
     /// Edge length for remeshing, world units.
     edge: Schedule,
@@ -50,8 +50,9 @@ impl Setup {
     pub fn new(given: FitOptions, subject: &Subject, notes: &mut Vec<String>, renderer: &mut Renderer) -> Result<Self> {
         let official = given.preset == Preset::Official;
         let begin = begin(&given, subject, notes, renderer)?;
-        // Rate and sigma. A hull is near to what is sought, and is not to be blurred away: silhouettes are too large by some √σ,
-        // by which the mesh ends too small. Where light tells most of the shape, a wider edge gives the better hollows.
+        // Rate and sigma. A hull is near to the object, so that σ begins small: soft silhouettes are too large by some √σ, and the
+        // mesh ends too small by as much. For one colour under light, where shading shows most of the shape, a larger σ gives better
+        // hollows.
         let default = match (official, begin.hull, begin.one_color) {
             (true, _, _) => ((0.01, 0.01), (1e-4, 1e-4)),
             (false, true, true) => ((0.02, 0.002), (3e-5, 2e-6)),
@@ -63,7 +64,7 @@ impl Setup {
         let rate = given.rate.unwrap_or((default.0.0 * unit, default.0.1 * unit));
         let (from, to) = given.edge.unwrap_or((EDGE, EDGE));
         let iterations = given.iterations.unwrap_or(if begin.hull { HULL_ITERATIONS } else { ITERATIONS });
-        // A mesh of a file keeps its triangles, which may be what the fit is for, and the official method has none of this.
+        // A given mesh keeps its triangles, since that may be the purpose of the fit, and the official method never cuts.
         let recuts = !(given.keep_topology || official || matches!(given.template, Template::Mesh(_)));
         Ok(Self {
             options: shape_options(&given, official, &begin, subject),
@@ -90,7 +91,7 @@ impl Setup {
         self.given.subdivide_at.contains(&step) || self.given.remesh_at.contains(&step)
     }
 
-    /// Whether the topology is looked at before a step.
+    /// Whether the topology is tested before a step.
     pub fn recuts(&self, step: usize) -> bool {
         self.recut_at.contains(&step)
     }
@@ -141,8 +142,8 @@ impl Setup {
 /// The radius that the cameras of the official data see around the origin; rates are for objects of this size.
 const REFERENCE_RADIUS: f64 = 0.732;
 
-/// The number of steps that a share of all is, and never 0: nothing is cut before the first step, where a sphere covers what it is
-/// yet to shrink from.
+/// A share of all steps, rounded up so that it is never 0: before the first step a sphere still covers background everywhere, and
+/// must not be cut.
 fn steps_of(share: f64, iterations: usize) -> usize {
     (share * iterations as f64).ceil() as usize
 }
@@ -150,7 +151,7 @@ fn steps_of(share: f64, iterations: usize) -> usize {
 fn shape_options(given: &FitOptions, official: bool, begin: &Begin, subject: &Subject) -> ShapeOptions {
     let mut options = if official { ShapeOptions::official() } else { ShapeOptions::smooth() };
     if begin.hull && begin.one_color {
-        // Light on a known colour shows the surface everywhere, so that less has to be assumed of it.
+        // Shading of a known colour shows the surface everywhere, so that it needs less smoothing.
         options.parametrization = Parametrization::Smoothed { lambda: 2.0 };
         options.regularizers = vec![(Regularizer::Laplacian, 1e-4), (Regularizer::Flatten, 1e-6)];
     }

@@ -12,7 +12,7 @@ use softras_io::{Map, Views};
 
 /// Samples along each side of a pixel of views that are rendered.
 const SAMPLES: usize = 3;
-/// Samples of a view: of larger views a pixel has fewer, since an image of more exceeds what every device allows a buffer.
+/// The most samples of a view, which an image in a buffer of any device can have. Pixels of larger views have fewer samples.
 const MOST_SAMPLES: usize = 8_000_000;
 
 /// Views of an object, and what is known of it besides.
@@ -34,7 +34,7 @@ pub struct Subject {
     pub depths: (f64, f64),
     /// The lights of the views and of the fit.
     pub lights: Lights,
-    /// Whether all of the object has one colour, which the light on it shows the shape of.
+    /// Whether the whole object has one colour, so that the light on it shows its shape.
     pub one_color: bool,
 }
 
@@ -65,7 +65,7 @@ impl Subject {
         Ok(())
     }
 
-    /// Renders views of a mesh from all around; `done` is told of each.
+    /// Renders views of a mesh from all around and calls `done` after each.
     ///
     /// # Errors
     /// As [`Renderer::render`].
@@ -145,9 +145,9 @@ pub struct ViewsOfMesh {
     pub fov: f64,
     /// Whether the views have colours.
     pub color: bool,
-    /// What else they have.
+    /// The other maps of the views.
     pub maps: Vec<Map>,
-    /// How they are lit; `None`: a mesh of one colour is lit smoothly, since its views show nothing but their outline without light.
+    /// How they are lit; `None`: smoothly if the mesh has one colour, of which unlit views show only the outline, and else not at all.
     pub shading: Option<Lighting>,
 }
 
@@ -169,7 +169,7 @@ pub enum Lighting {
 }
 
 impl ViewsOfMesh {
-    /// None, or three lights that shine from fixed sides, each stronger than the next, so that the brightness tells where a surface
+    /// No lights, or three that shine from fixed sides, each stronger than the next, so that the brightness shows which way a surface
     /// faces.
     fn lights(&self, one_color: bool) -> Lights {
         let shading = match self.shading {

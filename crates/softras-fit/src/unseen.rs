@@ -11,7 +11,7 @@ use softras::{
 };
 use softras_io::Views;
 
-/// Holes and parts of fewer pixels are not told: they may be of the edge of a pixel.
+/// Holes and parts of fewer pixels are not reported: they may come from how edges fall on pixels.
 const LEAST_PIXELS: usize = 8;
 /// The share of a hole or of a part that has to be wrong.
 const WRONG: f64 = 0.9;
@@ -60,7 +60,7 @@ impl Unseen {
             if holes(size, |pixel| target[pixel]).iter().any(|hole| wrong(hole, true)) {
                 self.covered.push(first + view);
             }
-            // Pixels of the object hold together by their corners too.
+            // Pixels of the object that share only a corner are connected, too.
             let parts = of_pixels(size, |pixel| target[pixel], true);
             let parts = parts.into_iter().filter(|part| wrong(part, false)).flatten();
             let before = self.parts.len();
@@ -128,7 +128,7 @@ mod tests {
         assert!(unseen.reasons(|view| view).is_empty() && unseen.missing(&target).is_none());
         unseen.add(3, &picture(|r, c| block(r, c) || part(r, c)), &target);
         unseen.add(4, &picture(|r, c| block(r, c) && !hole(r, c)), &target);
-        // A hole that is open to the outside is none, and a smaller one is not told.
+        // A hole that is open to the outside is none, and a smaller one is not reported.
         let open = picture(|r, c| block(r, c) && !(hole(r, c) || c < 4 && r == 5));
         unseen.add(5, &picture(block), &open);
         unseen.add(6, &picture(block), &picture(|r, c| block(r, c) && (r, c) != (5, 5)));

@@ -1,4 +1,4 @@
-//! What the files of a command may take of memory: claimed before it is taken, against one budget for them all.
+//! The memory that the files of a command may take: one budget for all of them, from which it is claimed before it is allocated.
 
 use crate::fault;
 use softras::Result;
@@ -7,7 +7,7 @@ use std::path::Path;
 
 /// Bytes that files of any size may take.
 const FREE: u64 = 640 << 20;
-/// Bytes that each byte of the files adds: enough for pictures and arrays that are not made to be small.
+/// Bytes that each byte of the files adds: enough for pictures and arrays that are not compressed extremely.
 const PER_BYTE: u64 = 128;
 /// The most where the machine's memory is not known.
 const UNKNOWN: u64 = 8 << 30;

@@ -15,7 +15,7 @@ pub enum Fate {
     Silent,
 }
 
-/// What becomes of properties. Each row has names that spaces part.
+/// What becomes of properties. Each row has names separated by spaces.
 pub type Fates = [(&'static str, Fate)];
 
 /// All names of a table.

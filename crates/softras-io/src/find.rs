@@ -3,11 +3,11 @@
 use crate::output::folder_of;
 use std::path::{Component, Path, PathBuf};
 
-/// The file that `parent` names, or the file of that name in its folder or the mesh's: a file from another computer names
-/// places on that computer's disk. With a file that was found by its name comes a note.
+/// The file that `parent` names. If it is not there, the file of that name in the folder of `parent` or of the mesh, with a note:
+/// a mesh file from another computer may name places on that computer's disk.
 ///
 /// # Errors
-/// What is wrong, where there is no such file in the mesh's folder.
+/// A sentence, if no such file is found within the mesh's folder.
 pub fn find(mesh: &Path, parent: &Path, name: &str, allow_outside: bool) -> Result<(PathBuf, Option<String>), String> {
     let path = locate(parent, name);
     let allowed = allow_outside || is_inside(mesh, &path);
@@ -38,7 +38,7 @@ fn named(folder: &Path, name: &str) -> Option<PathBuf> {
     }
     let entries = folder.read_dir().ok()?.filter_map(|entry| entry.ok().map(|entry| entry.path()));
     let same = |path: &PathBuf| path.file_name().is_some_and(|other| other.eq_ignore_ascii_case(name));
-    // The least of several, so that the order of the folder does not matter.
+    // The first of several by name, so that the order of the folder does not matter.
     entries.filter(same).filter(|path| path.is_file()).min()
 }
 
@@ -56,7 +56,7 @@ fn is_inside(mesh: &Path, file: &Path) -> bool {
     let folder = folder_of(mesh);
     match (folder.canonicalize(), file.canonicalize()) {
         (Ok(folder), Ok(file)) => file.starts_with(folder),
-        // The file does not exist, so only its name can be checked, which begins as the mesh's own path does.
+        // The file does not exist, so only its path can be checked: it must go down from the mesh's folder.
         _ => file
             .strip_prefix(mesh.parent().unwrap_or(folder))
             .is_ok_and(|rest| rest.components().all(|c| matches!(c, Component::Normal(_)))),

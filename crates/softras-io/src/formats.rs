@@ -9,7 +9,7 @@ use crate::{
 use serde_json::{Value, json};
 use std::{fs, path::Path};
 
-/// A section of docs/formats.md: what is drawn, a table of what is not quite, and what is no part of the picture.
+/// A section of docs/formats.md: what is drawn, what is no part of the picture, and a table of what is approximated or not drawn.
 fn section(rows: &'static Fates) -> String {
     let rows: Vec<(&str, Fate)> = fate::names(rows).collect();
     let list = |wanted: fn(Fate) -> bool| {

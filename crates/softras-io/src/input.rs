@@ -1,7 +1,7 @@
-//! The one door for files that are read: regular files alone, of a bounded size, in memory that is there.
+//! All files are read through this module: only regular files, of a bounded size, into memory that could be allocated.
 //!
 //! Opening a pipe waits for its other end, reading a device may never end, and an allocation that fails ends the process.
-//! So what a path leads to is asked before it is opened, and room is asked for before it is filled.
+//! So the kind of a file is tested before it is opened, and memory is reserved, with an error if there is none, before it is used.
 
 use crate::refuse;
 use softras::{Error, Result};

@@ -1,7 +1,7 @@
 //! Files of softras: meshes in OBJ, PLY, STL and glTF, and pictures in PNG and JPEG.
 //!
-//! [`load`] reads a mesh with its colours and textures, [`save`] writes one. [`load_with`] also tells what a file has that
-//! softras does not draw: [`Loaded::notes`]. A reader takes regular files alone, counts their memory before it is taken, and
+//! [`load`] reads a mesh with its colours and textures, [`save`] writes one. [`load_with`] also lists what a file has that
+//! softras does not draw: [`Loaded::notes`]. A reader takes only regular files, counts their memory before it is allocated, and
 //! never reads outside of the mesh's folder unless it is told to. A writer leaves the old file or the new one, never half of one.
 //!
 //! ```
@@ -108,7 +108,7 @@ pub fn load_with(path: impl AsRef<Path>, options: &LoadOptions) -> Result<Loaded
         Format::Stl => stl::read(&mut source, bytes),
         Format::Gltf => gltf::read(&mut source, &bytes),
     };
-    // What is wrong with a mesh that a file holds is wrong with the file.
+    // An error of the mesh becomes one of the file that holds it.
     let mesh = mesh.map_err(|error| match error {
         Error::Mesh { what, place, fix } => fault(path, format!("{what} at {place}"), fix),
         other => other,
@@ -131,11 +131,11 @@ pub fn save(mesh: &Mesh, path: impl AsRef<Path>) -> Result<Vec<PathBuf>> {
 /// Options for writing a mesh.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SaveOptions {
-    /// Encode textures, and colours in bytes, from linear numbers to sRGB, in 8 bits a channel, as picture files have them. Off,
-    /// a texel is its number, in 8 bits where that is exact, else in 16; [`LoadOptions::srgb`] must be off too to read it back.
+    /// Encode textures, and colours in bytes, from linear numbers to sRGB, in 8 bits a channel, as picture files have them. If false,
+    /// numbers are written as they are, in 8 bits where that is exact, else in 16; read them with [`LoadOptions::srgb`] false, too.
     pub srgb: bool,
-    /// Where the mesh's origin lies in the file's coordinates, as [`Loaded::origin`]: 0, or the file's positions are written in 64 bits,
-    /// in glTF as the place of the node.
+    /// Where the mesh's origin lies in the file's coordinates, as [`Loaded::origin`]. Unless it is 0, OBJ and PLY files get positions in
+    /// 64 bits, and a glTF file has it as the translation of its node.
     pub origin: [f64; 3],
 }
 
@@ -191,7 +191,7 @@ enum Format {
 fn format(path: &Path) -> Result<Option<Format>> {
     let by_ending = by_ending(path);
     let io = |source| Error::Io { path: path.into(), source };
-    // Opening something else, as a pipe, may wait forever; the readers refuse it.
+    // Opening something else, such as a pipe, may wait forever; the readers refuse it.
     if !fs::metadata(path).map_err(io)?.is_file() {
         return Ok(by_ending.or(Some(Format::Obj)));
     }
@@ -227,7 +227,7 @@ fn fault_at(path: &Path, line: impl Into<Option<usize>>, what: impl Into<String>
     Error::File { path: path.into(), line: line.into(), what, fix: fix.into() }
 }
 
-/// [`fault`], where a result is due.
+/// [`fault`] as a result.
 fn refuse<T>(path: &Path, what: impl Into<String>, fix: impl Into<String>) -> Result<T> {
     Err(fault(path, what, fix))
 }
@@ -246,7 +246,7 @@ fn several_cells(resolution: u32, format: &str) -> Error {
     }
 }
 
-/// The failure of the system over a file.
+/// An I/O error of a file, from an error of an encoder.
 fn failed(path: &Path, error: impl Into<Box<dyn std::error::Error + Send + Sync>>) -> Error {
     Error::Io { path: path.into(), source: io::Error::other(error) }
 }

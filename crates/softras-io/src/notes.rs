@@ -3,7 +3,7 @@
 use softras::{Error, Result};
 use std::path::{Path, PathBuf};
 
-/// The most notes of all files: one in which every line is malformed is told of by the first few.
+/// The most notes of all files: if every line is malformed, the first few are enough.
 const MAX_NOTES: usize = 128;
 /// The most of those that are counted: a binary file has any number of unknown words.
 const MAX_COUNTED: usize = MAX_NOTES / 2;

@@ -302,7 +302,7 @@ pub fn write(shape: &[usize], data: Data<'_>) -> Vec<u8> {
     bytes
 }
 
-/// A .npy file of finite numbers, which takes its memory of a budget.
+/// Reads a .npy file of finite numbers, with memory from a budget.
 ///
 /// # Errors
 /// [`softras::Error::File`] for what is no such file, or larger than the budget; [`softras::Error::Io`].

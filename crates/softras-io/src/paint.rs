@@ -21,8 +21,8 @@ impl Canvas {
     }
 }
 
-/// The texture of an image with its edges. Mirrored sides are doubled. Where one side ends and the other goes on, the one that
-/// ends is made longer, as far as UVs of this range, [low, high], reach.
+/// The texture of an image with its edges. Mirrored sides are doubled. If the image is clamped along one axis and repeats along the
+/// other, the clamped side is made longer by repeating its edge, as far as UVs of this range, [low, high], reach.
 ///
 /// # Errors
 /// What is wrong, for UVs that lie too far outside.
@@ -83,7 +83,7 @@ pub struct Patch<'a> {
 /// The UVs of a triangle's corners.
 pub type Corners = [[f32; 2]; 3];
 
-/// The most texels along a side of a patch, and the sides of the texture of all of them.
+/// The most steps along a side of a patch, and the least width of a texture of many.
 const MOST_CELLS: usize = 255;
 const LEAST_WIDTH: usize = 512;
 

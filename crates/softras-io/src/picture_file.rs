@@ -100,7 +100,7 @@ impl PictureFile {
     }
 
     /// Decodes the pixels, and the silhouette of the object that a picture shows: its alpha, or in an opaque picture what is not
-    /// black. Notes how the latter was told, and that the picture was turned.
+    /// black. Notes the latter, and that the picture was turned.
     ///
     /// # Errors
     /// Those of [`PictureFile::decode`].
@@ -125,7 +125,7 @@ impl PictureFile {
 const LOSSY_BLACK: u8 = 32;
 
 /// The silhouette of an opaque picture over black: 0 up to `black`, and 1 where no pixel around is as dark. A pixel of the outline
-/// shows some of the background, so that it counts as much as it is bright beside the brightest pixel around.
+/// shows some of the background, so its silhouette is its brightness divided by that of the brightest pixel around.
 fn matte(picture: &RgbaImage, black: u8) -> Vec<f64> {
     let (width, height) = (picture.width() as usize, picture.height() as usize);
     let brightest: Vec<u8> = picture.pixels().map(|p| p.0[0].max(p.0[1]).max(p.0[2])).collect();

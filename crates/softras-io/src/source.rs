@@ -74,7 +74,7 @@ impl Loaded {
         self.relative_to([0.0; 3])
     }
 
-    /// The mesh relative to an origin in the file's coordinates, as that of another mesh, with a note if it lies far from there.
+    /// The mesh relative to an origin in the file's coordinates, such as that of another mesh, with a note if it lies far from there.
     ///
     /// # Errors
     /// [`softras::Error::OutOfMemory`].
@@ -110,7 +110,7 @@ pub fn far_origin(low: [f64; 3], high: [f64; 3]) -> [f64; 3] {
     if !(size > 0.0 && far > FAR * size && far.is_finite()) {
         return [0.0; 3];
     }
-    // Whole powers of two, so that differences are exact.
+    // A multiple of a power of two, so that differences are exact.
     let unit = size.log2().floor().exp2();
     [0, 1, 2].map(|k| ((low[k] + high[k]) / 2.0 / unit).round() * unit)
 }
@@ -145,7 +145,7 @@ const BYTES_PER_NORMALS: u64 = 6;
 
 /// How many times its size a mesh may lie from 0 before it has an origin of its own.
 const FAR: f64 = 8.0;
-/// Steps of coordinates beyond this share of a mesh's size are seen.
+/// Coordinates whose steps are above this share of a mesh's size are noted as coarse.
 const COARSE: f64 = 1e-3;
 
 impl<'a> Source<'a> {

@@ -1,17 +1,16 @@
-//! Text for the terminal: what comes from files and names cannot give it orders.
+//! Text for the terminal, in which characters from files and names cannot control it.
 
 use std::borrow::Cow;
 
 /// The most characters of a name that is shown.
 const LONGEST_NAME: usize = 80;
 
-/// Whether a terminal may take the character for an order: controls, and marks that turn the direction of text.
+/// Whether a terminal may take the character for an order: control characters, and marks that change the direction of text.
 fn is_order(c: char) -> bool {
     c.is_control() || matches!(c, '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
 }
 
-/// The text with every order but tabs and, where `lines` says so, ends of lines replaced by its number, in the form that
-/// JSON has for it as well.
+/// The text with every such character replaced by an escape, which is one in JSON as well. Tabs stay, and line ends if `lines` is true.
 pub fn harmless(text: &str, lines: bool) -> Cow<'_, str> {
     let is_kept = |c: char| !is_order(c) || c == '\t' || (lines && c == '\n');
     if text.chars().all(is_kept) {

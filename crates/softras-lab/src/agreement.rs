@@ -9,29 +9,29 @@ use softras_reference::ReferenceGradients;
 /// How far a gradient may be from the reference's, as a share of its L2 norm.
 #[derive(Clone, Copy, Debug)]
 pub struct GradientTolerance {
-    /// In all scenes but a few.
+    /// In all scenes but the share `share`.
     pub usual: f64,
-    /// In those few.
+    /// In the others.
     pub worst: f64,
-    /// How many the few are.
+    /// The largest share of scenes with an error above `usual`.
     pub share: f64,
     /// Pixels with a smaller margin have no upstream gradient: there the model jumps within the kernels' rounding.
     pub margin: f64,
     /// A gradient that is smaller than this share of its usual size, over random signs of the upstream weights, has
     /// cancelled by chance and is held to that share of the usual size.
     pub floor: f64,
-    /// A gradient that is smaller than this share of the upstream weights, in its natural unit, is nothing: f32 images
-    /// are good to 1e-7, so that is what a difference of two of a pixel's colours is good to.
+    /// The divisor of an error is at least this share of the upstream weights, in the gradient's natural unit: a gradient from
+    /// differences of nearly equal colours is no more accurate than f32 colours, whose errors are 1e-7.
     pub nothing: f64,
 }
 
-/// The main promise of backward. Where sigma is 1e-6 a pixel counts within 1e-3 of an edge, of which f32 positions on the
-/// screen leave 6e-8 open: 1e-4 is what f32 can hold there.
+/// The main promise of backward. At sigma 1e-6 the soft edge is 1e-3 wide and screen positions in f32 are off by 6e-8, so that
+/// no better relative error than about 1e-4 is possible.
 pub const GRADIENT: GradientTolerance =
     GradientTolerance { usual: 1e-4, worst: 1e-3, share: 0.01, margin: 1e-3, floor: 0.1, nothing: 1e-3 };
 
 impl GradientTolerance {
-    /// For scenes that are made, not drawn by chance.
+    /// For scenes that are built and not random: all of them must be within `usual`.
     pub fn without_exceptions(self) -> Self {
         Self { worst: self.usual, ..self }
     }
@@ -171,7 +171,7 @@ pub fn not_finite(gradients: &Gradients) -> Option<String> {
     })
 }
 
-/// The reference's, in the same order and shapes.
+/// The reference's numbers, in the same order and shapes.
 pub fn reference_numbers(of: Subject<'_>, g: &ReferenceGradients) -> Numbers {
     let mut all = Vec::new();
     for (i, mesh) in of.scene.meshes.iter().enumerate() {
@@ -271,8 +271,8 @@ pub fn errors(
 /// Random signs of the upstream weights, over which a gradient's usual size is taken.
 const SIGNS: u64 = 4;
 
-/// What a gradient is of, when all of an image changes by as much as it may: the size that rounding has to be seen
-/// against. log weights are ζ / γ, distances are in units of √σ.
+/// The natural unit of a gradient: its size where images change as fast as the model can make them. Rounding errors are compared
+/// with it. Log weights are ζ / γ, and distances are in units of √σ.
 fn unit(of: Subject<'_>, name: &str) -> f64 {
     let s = of.settings;
     let deepest = if s.outputs.depth { s.far.min(10.0) } else { 1.0 };
@@ -289,7 +289,7 @@ fn unit(of: Subject<'_>, name: &str) -> f64 {
         }
 }
 
-/// What a gradient by colours is good to over a composite background, as a share of the weights. Colours are multiplied by
+/// The error of a gradient by colours over a composite background, as a share of the weights. Colours are multiplied by
 /// A = 1 - Π(1 - D), whose absolute error in single precision is the last bit of 1.
 fn composited(of: Subject<'_>, name: &str) -> f64 {
     let colors = matches!(name, "colors" | "surface texels" | "texture texels");

@@ -1,4 +1,4 @@
-//! The laboratory's own tool.
+//! The program of this package: `eval` renders archives of arrays.
 
 mod eval;
 

@@ -15,7 +15,7 @@ for step in range(60):
     frame = softras.render(torus.with_look(colors=colors), cameras, settings, save=True)
     difference = frame.color - target
     gradients = frame.backward(color=2 * difference, by="colors")
-    # Each vertex's colour weighs in some pixels; their number scales the step.
+    # A vertex's gradient, and so its step, grows with the number of pixels that show its colour.
     colors -= 0.02 * gradients.meshes[0].colors
     if step % 20 == 0:
         print(f"step {step}: loss {np.square(difference).mean():.6f}")

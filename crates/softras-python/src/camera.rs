@@ -43,7 +43,7 @@ fn affine(view: &Bound<'_, PyAny>) -> PyResult<DMat4> {
     Ok(DMat4::from_cols_array_2d(&rows).transpose())
 }
 
-/// A rotation, and a translation behind it.
+/// A rotation, and a translation after it.
 fn rigid([x, y, z]: [[f64; 3]; 3], [a, b, c]: [f64; 3]) -> DMat4 {
     let rows = [[x[0], x[1], x[2], a], [y[0], y[1], y[2], b], [z[0], z[1], z[2], c], [0.0, 0.0, 0.0, 1.0]];
     DMat4::from_cols_array_2d(&rows).transpose()

@@ -6,7 +6,8 @@ use numpy::{PyArray1, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
 use softras::scene::{Appearance, Texture};
 
-/// The barycentric coordinates of one of R² cells: those of the lower half by rows and columns, the upper ones in their gaps.
+/// The barycentric coordinates of the centre of one of R² cells, number R y + x. Where x + y < R it is the upright triangle of
+/// column x and row y; the other numbers are those of the inverted triangles between them.
 fn centre(cell: usize, resolution: usize) -> [f32; 3] {
     let (y, x) = (cell / resolution, cell % resolution);
     let is_lower = x + y < resolution;

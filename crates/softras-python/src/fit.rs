@@ -13,7 +13,7 @@ use softras::{Scene, Settings};
 use softras_fit::{ImageLoss, Parametrization, Regularizer, Schedule, ShapeFit, ShapeOptions, ShapeRun, StepLosses};
 use softras_io::Views;
 
-/// The arguments of a fit, all of which `softras.fit` gives.
+/// The arguments of a fit, all of which `softras.deform` gives.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub struct Plan<'py> {
@@ -70,7 +70,7 @@ impl Plan<'_> {
         Ok(options)
     }
 
-    /// The settings of all steps, which lack the step's softness.
+    /// The settings that all steps have in common, without the softness.
     fn base(&self, mesh: &softras::Mesh, targets: &Views) -> PyResult<Settings> {
         let given = settings::settings(self.settings.as_ref())?;
         if self.settings.is_some() {

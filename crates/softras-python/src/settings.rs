@@ -10,7 +10,7 @@ use softras::scene::{
 };
 use softras::{GradientMode, GradientRequest, Lights, Settings};
 
-/// The value of a name among some.
+/// The value that belongs to a name in a list.
 pub fn chosen<T: Clone>(field: &str, name: &str, among: &[(&str, T)]) -> PyResult<T> {
     let found = among.iter().find(|(known, _)| *known == name).map(|(_, value)| value.clone());
     found.ok_or_else(|| {
@@ -48,7 +48,7 @@ fn outputs(value: &Bound<'_, PyAny>) -> PyResult<Outputs> {
     Ok(outputs)
 }
 
-/// A dict has no fields.
+/// Refuses a dict, which has no fields.
 fn with_fields(value: &Bound<'_, PyAny>, class: &str) -> PyResult<()> {
     match value.cast::<PyDict>() {
         Ok(_) => Err(bad_input("settings or lights are a dict", &format!("give softras.{class}(**fields)"))),

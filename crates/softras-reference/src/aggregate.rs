@@ -158,11 +158,11 @@ fn nearest<R: Real>(fragments: &[Fragment<R>]) -> Option<usize> {
     depths.reduce(|best, next| if next.1 < best.1 { next } else { best }).map(|(i, _)| i)
 }
 
-/// What multiplies ∂L/∂D' in ∂L/∂α through the colours' weights is at most this: without a limit a fragment of α = 0 before
-/// all others would have the derivative D exp(Δζ/γ), which overflows. w/α ≤ 1/α, so that it limits no α from 1/256 on.
+/// The limit of ∂w/∂α for a fragment's weight w. Without it a fragment of α = 0 in front of all others would have the derivative
+/// D exp(Δζ/γ), which overflows. For α ≥ 1/256 the limit has no effect, since w/α ≤ 1/α.
 const STEEPEST: f64 = 256.0;
 
-/// e^700 is finite. Only a fragment of α = 0 is so far above the largest score that counts.
+/// The largest exponent: e^700 is finite. Only a fragment of α = 0 can reach it, since the maximum is taken over the others.
 const HIGHEST: f64 = 700.0;
 
 /// w ∝ α D exp(ζ / γ), by scores s = log D + ζ / γ less the maximum of those with α > 0.

@@ -16,8 +16,8 @@ use softras::{
 pub struct Pairs {
     /// Triangles, or pieces of triangles, of all views.
     pub pieces: u64,
-    /// Of every pixel, `[batch, height, width]`: the pieces that are not dropped, inside or with D ≥ τ (or, for hard
-    /// distances, those that cover its centre).
+    /// For every pixel, `[batch, height, width]`, the number of pieces that are not dropped: the pixel is inside or D ≥ τ (or, for
+    /// hard distances, they cover its centre).
     pub needed: Vec<u32>,
     /// Pixels in the boxes that the pieces' supports fit in, cut to the image.
     pub boxed: u64,

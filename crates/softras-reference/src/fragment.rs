@@ -210,7 +210,7 @@ pub fn fragment<S: Source>(
     Some(Fragment { coverage, opacity, inside: location.inside, surface })
 }
 
-/// How much each corner adds to what is interpolated.
+/// The weight of each corner in interpolated values.
 fn weights<R: Real>(settings: &Settings, piece: &Piece<R>, b: [R; 3], z: R) -> [R; 3] {
     match settings.interpolation {
         Interpolation::Affine => b,

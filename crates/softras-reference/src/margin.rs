@@ -41,7 +41,7 @@ impl Margin {
         self.least = self.least.min(distance.abs());
     }
 
-    /// A pair, dropped or not.
+    /// Counts the edges of a pair, dropped or not.
     pub fn pair(&mut self, knobs: &Knobs<'_, f64>, piece: &Piece<f64>, location: &Location<f64>, pixel: [f64; 2]) {
         let settings = knobs.settings;
         match (settings.distance, location.barycentrics) {
@@ -62,7 +62,7 @@ impl Margin {
         }
     }
 
-    /// The depth of a pair that was not dropped for its distance.
+    /// Counts the depth of a pair that was not dropped for its distance.
     pub fn depth(&mut self, knobs: &Knobs<'_, f64>, piece: &Piece<f64>, location: &Location<f64>) {
         let z = depth(piece, location.sampled);
         self.limit(z / knobs.settings.far - 1.0);
@@ -71,7 +71,7 @@ impl Margin {
         }
     }
 
-    /// A fragment, seen or not.
+    /// Counts the opacity of a fragment, seen or not.
     pub fn opacity(&mut self, knobs: &Knobs<'_, f64>, fragment: &Fragment<f64>) {
         let settings = knobs.settings;
         let is_hard = settings.color == ColorAggregation::Hard || settings.silhouette == SilhouetteAggregation::Hard;
@@ -80,7 +80,7 @@ impl Margin {
         }
     }
 
-    /// A fragment that is seen, with its share of the colour.
+    /// Counts a fragment that is seen, with its share of the colour.
     pub fn seen(
         &mut self,
         knobs: &Knobs<'_, f64>,

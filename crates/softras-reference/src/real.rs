@@ -15,12 +15,10 @@ pub trait Real:
     /// f(self), given the value of f and of f' there.
     fn unary(self, value: f64, derivative: f64) -> Self;
 
-    /// 0.
     fn zero() -> Self {
         Self::constant(0.0)
     }
 
-    /// 1.
     fn one() -> Self {
         Self::constant(1.0)
     }
@@ -57,7 +55,6 @@ pub trait Real:
         self.unary(value, 0.5 / value)
     }
 
-    /// Tangent.
     fn tan(self) -> Self {
         let value = self.value().tan();
         self.unary(value, 1.0 + value * value)

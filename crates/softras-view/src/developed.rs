@@ -60,7 +60,7 @@ impl Image {
 }
 
 impl Developed {
-    /// Nothing yet of an output. `floats`: the model's values, in place of a picture of 8 bits.
+    /// An output before its first band. `floats`: the model's values, in place of a picture of 8 bits.
     pub fn new(output: Output, floats: bool) -> Self {
         let values = match (floats, output) {
             (true, _) => Values::Floats(Vec::new(), 0),

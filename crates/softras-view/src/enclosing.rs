@@ -1,4 +1,4 @@
-//! The smallest sphere around points. It turns and moves with them, as a sphere around their box does not.
+//! The smallest sphere around points. It turns and moves with them, unlike a sphere around their box.
 
 use glam::{DMat3, DVec3};
 
@@ -28,7 +28,7 @@ pub fn enclosing(points: impl Iterator<Item = DVec3> + Clone) -> Option<(DVec3, 
         }
         ((center, radius), support) = (sphere, chosen);
     }
-    // What rounding left outside.
+    // The radius also holds points that rounding left outside.
     farthest(center).map(|(square, _)| (center, square.sqrt()))
 }
 

@@ -19,16 +19,16 @@ const ROUNDS: usize = 8;
 /// The least distance from the camera to the nearest vertex, in radii of the mesh.
 const CLEARANCE: f64 = 0.05;
 
-/// The share of the picture that a mesh fills so that its outline's blur fits too. It ends where D = sigmoid(-d²/σ) is τ, with d
-/// in halves of the picture's height: many triangles that are each faint there are not faint together.
+/// The share of the picture that a mesh fills so that its outline's blur fits too. The blur ends where D = sigmoid(-d²/σ) is τ, with
+/// d in halves of the picture's height, and not earlier: many triangles that are each faint there are not faint together.
 pub fn share(sigma: f64, tau: f64, aspect: f64) -> f64 {
     let reach = (sigma * (1.0 / tau - 1.0).ln()).max(0.0).sqrt();
     (1.0 - reach / aspect.min(1.0)).clamp(LEAST_FILL, FILL)
 }
 
 /// The view at the beginning of `turns`, in degrees, from which the mesh fills `share` of the picture and is in its middle, in
-/// all of the turns. Where the options give the camera's place, it is that; where they give the point looked at, the camera is as near
-/// as it can be.
+/// all of the turns. A camera's place that the options give is kept. If they give the point looked at, that is in the middle, and the
+/// camera is as near as it can be.
 ///
 /// # Errors
 /// As [`softras::Camera::look_at`].
@@ -130,7 +130,7 @@ fn middle(points: &[DVec3], k: usize, depth: f64) -> f64 {
         let by_slope = |a: &&DVec3, b: &&DVec3| slope(a).total_cmp(&slope(b));
         let (Some(low), Some(high)) = (points.iter().min_by(by_slope), points.iter().max_by(by_slope)) else { break };
         let (to_low, to_high) = (low.z - depth, high.z - depth);
-        // Of (high - c) / to_high = (c - low) / to_low.
+        // Solves (high - c) / to_high = (c - low) / to_low.
         let next = (high[k] * to_low + low[k] * to_high) / (to_low + to_high);
         if next == center {
             break;

@@ -201,8 +201,8 @@ impl Options {
         }
     }
 
-    /// Whether the vertical axis is left to the mesh: whoever gives it or the camera's place has seen the mesh's coordinates, and
-    /// [`Fill::Sphere`] is the same camera however the mesh is turned.
+    /// Whether the vertical axis is guessed from the mesh. It is not if the options give it, or the camera's place, which needs
+    /// knowledge of the mesh's coordinates; nor for [`Fill::Sphere`], whose camera is the same however the mesh is turned.
     pub(crate) fn has_no_axis(&self) -> bool {
         self.camera.up.is_none() && self.camera.eye.is_none() && self.fill == Fill::Box
     }
@@ -215,7 +215,7 @@ impl Options {
         self.alpha.map_or(self.can_be_solid() && !asked_soft, |alpha| alpha == Alpha::Solid)
     }
 
-    /// Whether the silhouette is the one whose least value inside of a surface is known, and colour fades with it.
+    /// Whether alpha can be solid: the silhouette is the one whose least value inside of a surface is known, and colour fades with it.
     pub fn can_be_solid(&self) -> bool {
         let model = &self.look.model;
         model.silhouette == SilhouetteAggregation::Product

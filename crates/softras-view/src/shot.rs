@@ -60,7 +60,7 @@ impl Shot {
         &image.view(0)[self.above * row..(self.above + self.rows.len()) * row]
     }
 
-    /// Whether a pixel shows more of the mesh, or of its transparent part, than a byte of alpha can tell from nothing.
+    /// Whether the alpha of any pixel, in either layer, is above 0 as a byte.
     pub fn is_seen(&self) -> bool {
         let layers = self.layer.iter().flat_map(|layer| layer.frames());
         let mut alphas = std::iter::once(&self.frame).chain(layers).filter_map(|frame| frame.silhouette().ok());

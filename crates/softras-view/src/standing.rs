@@ -1,8 +1,8 @@
 //! The vertical axis of a mesh, guessed from what it would stand on.
 //!
 //! Files do not say which axis is up. Most that are made for pictures mean y, many of CAD, printing and scanning mean z. A mesh
-//! stands on an axis if its lowest points, within [`FLAT`] of its height, have its centre above their convex hull, and
-//! that hull is not small.
+//! stands on an axis if its centre lies above the convex hull of its lowest points, those within [`FLAT`] of its height, and that
+//! hull is not small.
 
 use glam::{DVec2, DVec3};
 use softras::Mesh;
@@ -19,7 +19,7 @@ const CLEAR_DIFFERENCE: f64 = 2.0;
 /// pieces of furniture (Debian's sweethome3d-furniture, where y is up) 47 have a flat back, 37 of them flatter than this.
 const LEAST_HEIGHT: f64 = 0.6;
 /// A plate is thinner than this share of its other sides, and its lower face has at least this share of the upper one's area, or the
-/// other way round: it lies flat. Of the same furniture five pieces are such plates upright, as a shutter and two railings.
+/// other way round: it lies flat. Of the same furniture five pieces are such plates upright, such as a shutter and two railings.
 const PLATE: f64 = 0.1;
 const SAME_FACES: f64 = 0.8;
 

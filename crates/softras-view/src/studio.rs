@@ -47,8 +47,8 @@ impl Studio {
     /// the camera's depths leave out.
     ///
     /// # Errors
-    /// [`Error::Settings`] for solid alpha in modes in which that is not known how; [`Error::Camera`] for options of which
-    /// there is no camera; [`Error::Mesh`] for a mesh that is too large or too small for any usual camera.
+    /// [`Error::Settings`] for solid alpha in modes in which it is not possible; [`Error::Camera`] for options that make no camera;
+    /// [`Error::Mesh`] for a mesh that is too large or too small for any usual camera.
     pub fn new(
         loaded: Loaded,
         mut options: Options,
@@ -103,8 +103,8 @@ impl Studio {
         Ok((Self { options, outputs, samples, bounds, first, scene, glass, bands }, notes))
     }
 
-    /// What is likely to be the reason where no frame shows anything of the mesh; `None` where that is told already, or the frames'
-    /// [`Shot::is_seen`] says that one does.
+    /// The likely reason why no frame shows anything of the mesh; `None` if a note has given it already, or if a frame shows something,
+    /// `is_seen`, see [`Shot::is_seen`].
     pub fn nothing(&self, is_seen: bool) -> Option<&'static str> {
         let (camera, mesh) = (&self.options.camera, self.mesh());
         let corner = |i: u32| DVec3::from(mesh.positions()[i as usize].map(f64::from));

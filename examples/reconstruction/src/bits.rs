@@ -32,7 +32,8 @@ impl Bits {
         if either == 0 { 1.0 } else { f64::from(both) / f64::from(either) }
     }
 
-    /// What at least a share of them has; of several shares the one that overlaps them best. `None` for the mean of nothing.
+    /// The bits that are set in at least some share of them, for the one of nine shares whose result overlaps them best; `None` for the
+    /// mean of nothing.
     pub fn mean<'a>(all: impl Iterator<Item = &'a Self>) -> Option<Self> {
         let all: Vec<&Self> = all.collect();
         let mut counts = vec![0; 64 * all.first()?.0.len()];

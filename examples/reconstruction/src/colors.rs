@@ -1,4 +1,4 @@
-//! How far the colours that networks see are from the objects' own, beside what needs no network.
+//! How far the colours that networks see are from the objects' own, compared with methods without a network.
 //!
 //! A mesh that a network sees in a picture is compared with the object in the view a quarter turn on, which shows surfaces that
 //! the network did not see. Only pixels that both cover count, so that a wrong shape does not count as a wrong colour.
@@ -11,7 +11,6 @@ use crate::{SIZE, VIEWS, camera, hard};
 use burn::tensor::Device;
 use softras::{Mesh, Renderer, Result, Scene, Settings};
 
-/// Pixels of a picture.
 const PIXELS: usize = SIZE * SIZE;
 
 /// The colour of a pixel that the object covers.
@@ -28,7 +27,7 @@ pub fn table(
     device: &Device,
 ) -> Result<Table> {
     let known = Known::new(train);
-    // The mean over views of the difference between what is said of a picture, and the truth a quarter turn on.
+    // The mean over views of the difference between the colours predicted from a picture and the truth a quarter turn on.
     let score = |object: &Object, said: &dyn Fn(&[u8], usize) -> Vec<Color>| {
         let one = |view| difference(&said(object.picture(view), turned(view)), &truth(object, view));
         Ok(mean(views(count).map(one)))

@@ -102,7 +102,7 @@ fn keep(trainer: &mut Trainer, validation: &Set, folder: &Path) -> Result<()> {
     Ok(())
 }
 
-/// A network for looking at.
+/// A network that is used and not trained.
 fn network(path: &Path, device: &Device) -> Result<Network> {
     if official::is_named(path) {
         return official::read(path, device);

@@ -63,7 +63,7 @@ pub enum Hard {
     Edge,
 }
 
-/// Checkpoints before there was a choice do not say it.
+/// The value for older checkpoints, which lack the field.
 fn before_palettes() -> Coloring {
     Coloring::Vertices
 }

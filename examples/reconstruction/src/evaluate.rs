@@ -1,4 +1,4 @@
-//! The table: how far the shapes of networks, and of what needs no network, overlap the solids of unseen objects.
+//! The table: how far the shapes of networks, and of methods without a network, overlap the solids of unseen objects.
 
 use crate::VIEWS;
 use crate::data::{Object, Set};

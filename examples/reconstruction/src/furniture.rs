@@ -25,7 +25,7 @@ const FIX: &str = "install the package sweethome3d-furniture anew, or leave this
 struct Unpacked {
     piece: Piece,
     model: PathBuf,
-    /// The size and checksum of its model: those of another are the same model. `None` where the archive lacks it.
+    /// The size and checksum of its model, by which two pieces are found to have the same one. `None` where the archive lacks it.
     print: Option<(u64, u32)>,
 }
 
@@ -94,7 +94,7 @@ pub fn furniture(renderer: &mut Renderer, folder: &Path, from: &Path) -> Result<
     }
     all.sort_by(|a, b| a.piece.id.cmp(&b.piece.id));
     let mut known = HashSet::new();
-    // What is missing is told of later, each by its own name.
+    // Pieces without a model stay, since each is reported later by its own name.
     all.retain(|one| one.print.is_none() || known.insert(one.print));
     for (class, (name, _)) in CLASSES.iter().enumerate() {
         let of_class = all.iter().filter(|one| one.piece.class == class);

@@ -2,7 +2,7 @@
 //!
 //! It holds the state of the class `Model` under the key `model`: the encoder's and the decoder's layers, and the template
 //! that the decoder moves. The official objects are this crate's with x mirrored (see [`crate::camera`]), so the network read
-//! here is the official one whose x is turned over: of the template and of the centre.
+//! here is the official one with the x of the template and of the centre negated.
 
 use crate::network::Network;
 use crate::template::Template;
@@ -54,7 +54,7 @@ impl State {
         }
         let bytes = tensor.read().map_err(|e| format!("{name} cannot be read ({e})"))?;
         Ok(match tensor.dtype() {
-            // Indices, of which a larger one than 32 bits hold is too large for any mesh.
+            // Indices. One that exceeds 32 bits is too large for any mesh, and so is its replacement.
             DType::I64 => {
                 let narrow = |bytes: &[u8; 8]| u32::try_from(i64::from_le_bytes(*bytes)).unwrap_or(u32::MAX);
                 bytes.as_chunks().0.iter().map(|bytes| narrow(bytes).to_le_bytes()).collect()
@@ -67,7 +67,7 @@ impl State {
         Ok(self.words(name, &[DType::F32], shape)?.into_iter().map(f32::from_le_bytes).collect())
     }
 
-    /// The template with its x turned over; inside, what is wrong with it as a mesh.
+    /// The template with its x negated. The inner error is one of the mesh, the outer one of the file.
     fn template(&self) -> Result<Result<Mesh>, String> {
         let rows = |name: &str| match self.0.get(name).map(pytorch_reader::Tensor::shape) {
             Some([rows, 3]) => Ok(*rows),

@@ -3,7 +3,7 @@
 //! A colour of the palette is a weighted mean of the picture's pixels, and a vertex's colour is a weighted mean of the
 //! palette's; both kinds of weights are softmaxes, so that every colour lies between colours of the picture. The weight of a
 //! pixel is α exp(q · f), where α is its alpha, f are the features of the block of 4×4 pixels that it is in, and q is what the
-//! palette's colour looks for. Features are the maps of the second convolution there, and cosine waves that tell the place.
+//! palette's colour looks for. Features are the maps of the second convolution there, and cosine waves that encode the place.
 
 use crate::SIZE;
 use burn::module::{Initializer, Module, Param};

@@ -1,4 +1,4 @@
-//! What needs no network, to compare with: the mean shape, the nearest training picture, and the best training shape.
+//! Methods without a network, for comparison: the mean shape, the nearest training picture, and the best training shape.
 
 use crate::bits::Bits;
 use crate::data::{Object, PICTURE, Set};

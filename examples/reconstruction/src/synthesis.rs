@@ -70,7 +70,7 @@ pub fn families(renderer: &mut Renderer, folder: &Path, names: &[String], counts
 }
 
 /// Writes the sets of one class from meshes with their names: of ten, seven for train, one for val and two for test. Meshes
-/// that cannot be read are told of and left out.
+/// that cannot be read are left out with a message.
 pub fn class(
     renderer: &mut Renderer,
     folder: &Path,

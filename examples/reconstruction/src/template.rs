@@ -8,7 +8,7 @@ use softras::{Mesh, Result, shapes};
 const SUBDIVISIONS: u32 = 3;
 /// The radius of the sphere that a new network gives, as a share of the half size of the space that shapes lie in.
 const RADIUS: f64 = 0.5;
-/// The logit of a number this near to 0 or 1 moves nothing any more, and is finite.
+/// The least number whose logit is taken, so that it is finite. Its logit is so low that offsets do not visibly move it.
 const LEAST: f64 = 1e-30;
 
 /// The surface whose vertices a network moves, and how its offsets move them.

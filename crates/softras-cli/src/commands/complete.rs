@@ -1,4 +1,4 @@
-//! `softras completions` and `softras man`: what a shell and `man` know of the command.
+//! `softras completions` and `softras man`: completions for shells, and manual pages.
 
 use super::{Cli, Failure};
 use clap::{Args, Command, CommandFactory};

@@ -20,7 +20,7 @@ pub fn settings(s: &Settings) -> Value {
     })
 }
 
-/// A view of a mesh whose origin lies there in its file.
+/// A view in the coordinates of the mesh file, where the mesh's origin is `origin`.
 pub fn camera(view: &Viewpoint, origin: DVec3) -> Value {
     json!({
         "eye": (view.eye + origin).to_array(), "target": (view.target + origin).to_array(), "up": view.up.to_array(),

@@ -9,7 +9,7 @@ use std::path::Path;
 
 /// Number of values of each angle.
 const GRID: usize = 61;
-/// Side of the pixels' squares in the picture, one for each value.
+/// Side in pixels of the square that shows one value.
 const CELL: usize = 4;
 /// Poses rendered at once.
 const BATCH: usize = 244;
@@ -21,7 +21,7 @@ const EDGES: [usize; 4] = [30, 12, 12, 24];
 const INK: [u8; 4] = [40, 40, 40, 255];
 
 /// Writes both panels: the pose turned by -180 to 180 degrees about the vertical axis (across) and about the horizontal
-/// one (up), dark where the loss of plain colours is least. `target` repeats the picture.
+/// one (up), dark where the loss of plain colours is least. `target(n)` gives the target of n poses, all of one picture.
 pub fn write(
     path: &Path,
     fit: &PoseFit,

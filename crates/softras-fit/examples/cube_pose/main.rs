@@ -24,7 +24,6 @@ const TOGETHER: usize = 20;
 /// The σ and γ of the comparison of starts.
 const SHARP: (f64, f64) = (1e-5, 1e-3);
 
-/// A method of finding a pose.
 struct Method {
     name: &'static str,
     options: PoseOptions,
@@ -80,14 +79,14 @@ fn main() -> Result<()> {
         tell(method.name, method.starts, &found, &truth);
     }
     if let Some(path) = arguments.next() {
-        // A face that disappears as it turns away is a step in the loss even when blurred.
+        // Both faces are drawn: a front face that disappears as it turns away would be a step in the loss, even when blurred.
         let fit = cube.fit(Faces::Both, &PoseOptions::default(), vec![truth[0]])?;
         landscape::write(Path::new(&path), &fit, &truth[0], |count| cube.target(&vec![0; count]), &mut renderer)?;
     }
     Ok(())
 }
 
-/// Prints how many degrees are left.
+/// Prints the errors of the poses found, in degrees.
 fn tell(method: &str, starts: usize, found: &[Pose], truth: &[Pose]) {
     let mut errors: Vec<f64> = found.iter().zip(truth).map(|(a, b)| a.degrees_to(b)).collect();
     errors.sort_by(f64::total_cmp);
@@ -97,7 +96,6 @@ fn tell(method: &str, starts: usize, found: &[Pose], truth: &[Pose]) {
     println!("{method:<44} {starts:>6} {mean:>8.2} {median:>8.2} {within:>8}");
 }
 
-/// The cube and its pictures.
 struct Cube {
     scene: Scene,
     camera: Camera,

@@ -4,17 +4,17 @@ use super::skeleton::{Skeleton, SkeletonPose, Wrench};
 use softras::glam::DVec3;
 use softras::{Mesh, Result};
 
-/// The bones that carry a vertex, with their weights, 1 in all.
+/// The bones that move a vertex, with weights whose sum is 1.
 pub type Weights = Vec<(usize, f64)>;
 
-/// A mesh on a skeleton: a vertex at v goes to Σ w_k M_k v, M_k the motion of bone k (linear blend skinning; Magnenat-
-/// Thalmann et al. 1988).
+/// A mesh on a skeleton: a vertex at v goes to Σ w_k M_k v, where M_k is the motion of bone k (linear blend skinning;
+/// Magnenat-Thalmann et al. 1988).
 pub struct Figure {
     /// The mesh at rest, with vertex colours.
     pub mesh: Mesh,
     /// The bones.
     pub skeleton: Skeleton,
-    /// Of every vertex.
+    /// The bones of every vertex.
     pub weights: Vec<Weights>,
 }
 
@@ -46,7 +46,7 @@ impl Figure {
         Ok(mesh)
     }
 
-    /// dL by a pose, from dL by every vertex.
+    /// The loss's gradient by a pose, from its gradient by every vertex.
     pub fn pull(&self, pose: &SkeletonPose, gradient: &[DVec3]) -> SkeletonPose {
         let placed = self.skeleton.place(pose);
         let mut wrenches = vec![Wrench::default(); placed.len()];

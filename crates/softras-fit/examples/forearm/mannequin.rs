@@ -9,7 +9,7 @@ use std::f64::consts::TAU;
 
 /// Vertices around a tube.
 const AROUND: u32 = 8;
-/// Rings between two of a tube's given ones.
+/// Intervals between two given sections of a tube, divided by `FINE` - 1 rings more.
 const FINE: usize = 2;
 /// A joint bends the tube this far above and below it.
 const BEND: f64 = 0.06;
@@ -19,7 +19,7 @@ type Color = [f32; 3];
 /// A cross-section: height, half the width, half the depth, colour.
 type Section = (f64, f64, f64, Color);
 
-/// An upright tube at some x, its sections from top to bottom, and the bones in it, each from a height on downwards.
+/// An upright tube at some x: its sections from top to bottom, and its bones, each with the height below which it moves the tube.
 struct Tube<'a> {
     x: f64,
     sections: &'a [Section],
@@ -28,7 +28,7 @@ struct Tube<'a> {
 
 const TORSO: usize = 0;
 const HEAD: usize = 1;
-/// The joint that is hidden, and the bone that it carries.
+/// The hidden bone; its joint is the elbow.
 pub const LEFT_FOREARM: usize = 5;
 const SHIRT: Color = [0.08, 0.17, 0.55];
 const SKIN: Color = [0.80, 0.50, 0.32];
@@ -136,7 +136,7 @@ impl Parts {
         let rings = rings(tube.sections);
         let (Some(&top), Some(&bottom)) = (rings.first(), rings.last()) else { return };
         let first = self.positions.len() as u32;
-        // The poles close the tube, rounded off by as much as its end is deep.
+        // A pole closes each end. It lies beyond the end's section by half of that section's half depth.
         self.vertex(tube, DVec3::new(tube.x, top.0 + 0.5 * top.2, 0.0), top.3);
         for &(height, width, depth, color) in &rings {
             for j in 0..AROUND {

@@ -19,12 +19,12 @@ pub struct Skeleton {
     pub bones: Vec<Bone>,
 }
 
-/// Where a skeleton's bones are; also dL by these numbers.
+/// Where a skeleton's bones are; also the loss's gradient by these numbers.
 #[derive(Clone)]
 pub struct SkeletonPose {
-    /// Of the whole, world units.
+    /// Translation of the whole skeleton, world units.
     pub shift: DVec3,
-    /// Of every axis of every bone in their order, radians; 0 at rest.
+    /// The angle about every axis of every bone, in their order, radians; 0 at rest.
     pub angles: Vec<f64>,
 }
 
@@ -32,13 +32,13 @@ pub struct SkeletonPose {
 pub struct Placed {
     /// From rest axes to the world's.
     rotation: DMat3,
-    /// Its joint.
+    /// The position of its joint.
     head: DVec3,
     /// World axes of its angles.
     axes: Vec<DVec3>,
 }
 
-/// What pulls at a bone, summed over the points that it carries.
+/// Force and torque on a bone: gradients g by the positions p of the points that it carries, summed.
 #[derive(Clone, Copy, Default)]
 pub struct Wrench {
     /// Σ g.
@@ -100,10 +100,10 @@ impl Skeleton {
         placed.rotation * (point - self.bones[bone].head) + placed.head
     }
 
-    /// dL by the pose from what pulls at each bone.
+    /// The loss's gradient by the pose, from each bone's force and torque.
     ///
-    /// A turn δ about a joint moves every point p that the joint carries by δ × (p - joint), so dL by an angle is its
-    /// axis times the torque about the joint of all bones from there on.
+    /// A turn δ about a joint moves every point p that the joint carries by δ × (p - joint). So the gradient by an angle is
+    /// the dot product of its axis with the torque about the joint, summed over this bone and all that it carries.
     pub fn pull(&self, placed: &[Placed], mut wrenches: Vec<Wrench>) -> SkeletonPose {
         let mut gradient = self.rest();
         for (i, bone) in self.bones.iter().enumerate().rev() {

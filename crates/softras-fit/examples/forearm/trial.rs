@@ -20,15 +20,15 @@ const MOST_SEEN: f64 = 0.3;
 
 /// Steps of a fit.
 pub const STEPS: usize = 300;
-/// Softness of the depth order, held: what is hidden must still be felt when the outline says exactly where it is.
+/// Softness of the depth order, the same in all steps: hidden triangles must have gradients also when σ has become small.
 const GAMMA: f64 = 1e-1;
-/// Length of a step of every angle, radians, and of the shift, world units, as a part of that.
+/// Length of a step of every angle, radians; times `SHIFT_RATE`, that of the shift, world units.
 const RATE: Schedule = Schedule::Exponential { from: 0.04, to: 0.003 };
 const SHIFT_RATE: f64 = 0.1;
 /// Weight of the silhouette in the loss of [`PoseTarget`].
 const SILHOUETTE: f64 = 20.0;
-/// Weight of half the sum of the squares of how far the angles have gone from where they began, radians²: what the image
-/// does not tell stays.
+/// Weight of a penalty that holds angles that the image does not determine: half the sum of the squares of their distances
+/// from the start, radians².
 const STIFFNESS: f64 = 3e-3;
 
 /// How a figure is fitted.
@@ -41,7 +41,7 @@ pub struct Method {
     blur: Schedule,
     /// Weight of colour in the loss of [`PoseTarget`].
     color: f64,
-    /// Whether only triangles that a hard rasterization shows pull: the baseline that hidden ones are held against.
+    /// Whether only the triangles that a hard rasterization shows have gradients: the baseline.
     visible_only: bool,
 }
 
@@ -194,7 +194,8 @@ impl Stage {
 
     /// The pose that a trial's fit ends with after so many steps.
     pub fn fit(&self, trial: &Trial, method: &Method, steps: usize, renderer: &mut Renderer) -> Result<SkeletonPose> {
-        // Angles that nothing in the image tells must not be moved by rounding: ε is a part of a usual gradient.
+        // Adam divides by the gradient's size, so rounding alone would move angles that the image does not determine. This ε is
+        // a fraction of a usual gradient and prevents that.
         let adam = softras_fit::Method::Adam { betas: [0.8, 0.95], epsilon: 3e-4 };
         let mut pose = trial.start.clone();
         let (mut angles, mut shift) = (Optimizer::new(adam, pose.angles.len()), Optimizer::new(adam, 3));
@@ -202,7 +203,7 @@ impl Stage {
             let settings = Settings {
                 sigma: method.sigma.at_step(step, steps),
                 gamma: GAMMA,
-                // As for rigid poses: a triangle that is dropped while it outweighs others makes the colour jump.
+                // As for rigid poses: with a larger τ a triangle is dropped while it still outweighs others, and the colour jumps.
                 tau: self.settings.tau.min(1e-6),
                 background: Background::Composite,
                 save: true,
@@ -266,7 +267,7 @@ fn camera(side: f64) -> Result<Camera> {
     Camera::look_at(DVec3::new(0.0, 0.25, side * DISTANCE), DVec3::new(0.0, 0.0, 0.0), DVec3::Y, projection)
 }
 
-/// The same mesh, each triangle with corners of its own.
+/// The same mesh, each triangle with vertices of its own.
 fn apart(mesh: &Mesh) -> Result<Mesh> {
     let each = |values: &[[f32; 3]]| mesh.triangles().iter().flatten().map(|&i| values[i as usize]).collect::<Vec<_>>();
     let triangles = (0..mesh.triangles().len() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();

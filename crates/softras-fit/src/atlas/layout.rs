@@ -3,14 +3,13 @@
 use glam::DVec3;
 use softras::{Error, Result, scene::Mesh};
 
-/// Halvings of the range, by its logarithm, in which the shortest texels are searched that an image has room for.
+/// Steps of the bisection, over the logarithm of the texels' length, for the shortest texels that fit into an image.
 const HALVINGS: usize = 20;
-/// What a rectangle has beyond the legs of its charts: a border to the left, the texels of the two right angles, and two texels
-/// by which the charts' long sides are apart.
+/// Texels of a rectangle along each axis beyond the longer leg of its charts: a border, the one texel more that a leg of n
+/// intervals has, and two that keep the long sides of the two charts apart.
 const BEYOND_LEGS: u32 = 4;
 
-/// The chart of a triangle: a right triangle, of which filtering reads the texels `i` along u and `j` along v from the right
-/// angle on for which [`Chart::reads`] holds.
+/// The chart of a triangle: a right triangle of texels. Texel (i, j) lies i along u and j along v from that at the right angle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Chart {
     /// The triangle's corners: the one at the right angle, the one along u and the one along v.
@@ -38,15 +37,15 @@ impl Chart {
         [self.place(0, 0), self.place(width, 0), self.place(0, height)]
     }
 
-    /// The last texel along u and along v that is painted: of a chart that is turned the last that is read, of another one the
-    /// last of the rectangle.
+    /// The last texel along u and along v that is painted. The first chart of a rectangle is painted to the end of the
+    /// rectangle, the turned one as far as it is read.
     pub fn reach(&self) -> [i32; 2] {
         let beyond = |k: usize| if self.turned { 1 } else { 2 + self.spare[k] };
         [0, 1].map(|k| (self.legs[k] + beyond(k)) as i32)
     }
 
-    /// Whether bilinear filtering reads a texel anywhere in the triangle, or the texel borders on its legs: whether the square
-    /// between four texels to which it belongs touches the triangle.
+    /// Whether bilinear filtering within the triangle reads a texel, or the texel lies beside a leg. Filtering reads the four
+    /// corners of a square; the one to test is that from (i - 1, j - 1) to (i, j), the nearest to the right angle.
     pub fn reads(&self, i: i32, j: i32) -> bool {
         let [width, height] = self.legs.map(i64::from);
         let [i, j] = [i, j].map(|x| i64::from(x - 1).max(0));
@@ -96,7 +95,7 @@ pub fn layout(mesh: &Mesh, texel: f64, most: u32) -> Result<Layout> {
 
 /// A triangle as its chart needs it.
 struct Shape {
-    /// The corner opposite to the longest edge, that at the end of the longer leg and that of the shorter one.
+    /// The corner opposite to the longest edge, that at the end of the longer leg, and that at the end of the shorter one.
     corners: [usize; 3],
     /// World lengths that the chart's legs stand for, the longer one first.
     legs: [f64; 2],
@@ -128,7 +127,7 @@ struct Cells {
 }
 
 impl Cells {
-    /// Legs of at most `most` texels, which do not fit into an image of that size.
+    /// Legs are cut to `most` texels, which is still too long for an image of that size.
     fn new(shapes: &[Shape], texel: f64, most: u32) -> Self {
         let whole = |leg: f64| (leg / texel).ceil().clamp(1.0, f64::from(most.max(1))) as u32;
         let legs: Vec<[u32; 2]> = shapes.iter().map(|shape| shape.legs.map(whole)).collect();
@@ -169,7 +168,7 @@ impl Cells {
         self.places(side).count() == self.order.len().div_ceil(2)
     }
 
-    /// A side, to within 2 % the least, of an image that has room for all; `None` where one of `most` has none.
+    /// The side of an image with room for all charts, at most 2 % above the least; `None` where one of `most` has no room.
     fn least_side(&self, most: u32) -> Option<u32> {
         if !self.fit(most) {
             return None;

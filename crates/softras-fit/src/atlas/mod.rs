@@ -18,8 +18,8 @@ use softras::{
 /// The mesh with UV coordinates and one square texture that shows the colours it has, and the length of the texture's texels.
 ///
 /// Every triangle has a chart of its own, and texels of at most `texel` world units along its edges. Where the image would be
-/// wider or higher than `most` texels, all charts have longer texels, as short as the image has room for: that length is
-/// returned, in world units. A chart has at least a texel along its edges, so that 12.5 texels are the least for a triangle.
+/// wider or higher than `most` texels, all charts have longer texels, the shortest that fit. The length that was used is
+/// returned, in world units. A chart has at least one texel along its edges, so that a triangle takes at least 12.5 texels.
 ///
 /// Texels are interpolated between the colours of the triangle's corners, and at its corners they are these colours. Beyond the
 /// edges, where filtering reads as well, they go on by the same slope, within the range of the three colours. Charts may be
@@ -58,8 +58,8 @@ pub fn with_atlas(mesh: &Mesh, texel: f64, most: u32) -> Result<(Mesh, f64)> {
     })
 }
 
-/// An atlas by the function of each triangle, which is made of its number and the chart's corners, and gives a colour for the shares of
-/// the chart's legs along which a texel lies.
+/// An atlas with colours from functions: `color(triangle, corners)` makes the function of one chart, from a texel's place, in
+/// shares of the chart's two legs, to its colour.
 pub fn atlas<F: Fn(f64, f64) -> [f32; 3]>(
     mesh: &Mesh,
     texel: f64,

@@ -1,4 +1,4 @@
-//! What compares a mesh with the pictures that are given.
+//! Compares a mesh with the given pictures.
 
 use crate::{pooled, sized, subject::Subject};
 use softras::{
@@ -9,7 +9,7 @@ use softras_io::Views;
 
 /// Pixels of all pictures together that a vertex must fill for its error to count.
 const LEAST_SEEN: f64 = 0.1;
-/// Pixels along the shorter side of the pictures that are compared, at least: by 64 of them the hollow of the project's mug came
+/// The least number of pixels along the shorter side of the pictures that are compared. With 64 the hollow of the project's mug came
 /// out deeper by a pixel, and its hull had a 3D IoU of 0.858 in place of 0.925.
 const PIXELS: usize = 128;
 /// The most pictures that are compared.
@@ -20,11 +20,11 @@ pub struct Eye<'a> {
     /// The pictures, with fewer pixels.
     pictures: Image,
     cameras: Vec<Camera>,
-    /// Those of the pictures, on the triangles' own normals: mean ones are not those of walls of a single long triangle.
+    /// The pictures' lights, with face normals: vertex normals are wrong on walls that are one long triangle high.
     lights: Lights,
     settings: Settings,
     pub renderer: &'a mut Renderer,
-    /// Of the object.
+    /// The object's colour.
     pub color: [f32; 3],
 }
 
@@ -79,7 +79,7 @@ impl<'a> Eye<'a> {
         let mut sums = vec![[0.0; 2]; mesh.positions().len()];
         for (camera, errors) in self.cameras.iter().zip(pixels.chunks_exact(height * width)) {
             let frame = self.renderer.render(&scene, std::slice::from_ref(camera), &settings)?;
-            // The derivative by a vertex's colour adds up errors in the first channel, and in the second the pixels themselves.
+            // The derivative by a vertex's colour sums the errors of its pixels in the first channel, and counts them in the second.
             let data = errors.iter().flat_map(|error| [*error, 1.0, 0.0]).collect();
             let upstream = ImageGradient::color(Image { batch: 1, height, width, channels: 3, data });
             let gradients = self.renderer.backward(

@@ -1,10 +1,10 @@
 //! Hollows of a hull that no outline shows, such as a mug's: found by the light in them.
 //!
-//! A visual hull lies over a hollow like a lid. Of an object of one colour under known lights, the pictures show another light
-//! there than the lid has. So regions of the hull that look wrong are pushed inwards, by several depths. The push that brings the
-//! renderings nearest to the pictures is kept, if it is clearly nearer than the hull, and then its depth and its outline are moved
-//! until the renderings come no nearer. A fit's small steps do not get there: a lid that is bent a little looks no more like a
-//! hollow than a flat one does.
+//! A visual hull lies over a hollow like a lid. If the object has one colour and the lights are known, the hollow is shaded
+//! differently in the pictures than the lid. So regions of the hull that look wrong are pushed inwards, by several depths. The push
+//! that brings the renderings nearest to the pictures is kept, if they are clearly nearer than the hull's, and then its depth and its
+//! outline are moved until the renderings come no nearer. A fit's small steps do not get there: a lid that is bent a little looks no
+//! more like a hollow than a flat one does.
 
 mod eye;
 mod surface;
@@ -15,7 +15,7 @@ use softras::{Mesh, Renderer, Result};
 use softras_io::Views;
 use surface::{Region, Surface};
 
-/// Hollows that are looked for.
+/// The most hollows that are looked for.
 const MOST_HOLLOWS: usize = 4;
 /// Shares of the way to the other side by which a region is pushed; the steps by which the best of them then changes, one
 /// after the other; and the largest of all shares.
@@ -26,14 +26,14 @@ const DEEPEST: f64 = 0.98;
 const LEVELS: [f64; 3] = [0.25, 0.4, 0.6];
 /// Rings of triangles by which the best region is made larger or smaller, at most: on all sides at once, then on each side alone.
 const MOST_RINGS: usize = 4;
-/// A hollow must leave less than this share of the error, before its outline is moved: the sides of a region that is no hollow
-/// can be moved until the pictures come nearer, too.
+/// A hollow must leave less than this share of the error. This is tested before its outline is moved, since moving the outline
+/// lowers the error of a region that is no hollow, too.
 const GAIN: f64 = 0.97;
 
 /// The hull with its hollows, and how many there are. `edge` is the length of its edges.
 ///
 /// # Errors
-/// As of rendering and remeshing.
+/// Those of rendering and remeshing.
 pub fn dug(hull: Mesh, edge: f64, views: &Views, subject: &Subject, renderer: &mut Renderer) -> Result<(Mesh, usize)> {
     let Some(mut eye) = Eye::new(views, subject, renderer)? else { return Ok((hull, 0)) };
     let (mut mesh, mut hollows) = (hull, 0);

@@ -4,7 +4,7 @@ use crate::{Topology, points, regions::regions, seen::areas};
 use glam::DVec3;
 use softras::{Mesh, Result};
 
-/// The error that all but so many in a hundred vertices are below counts as the largest.
+/// This quantile of the vertices' errors counts as the largest.
 const LARGEST: f64 = 0.97;
 /// How often the outline of a region is evened out.
 const OUTLINE_PASSES: usize = 4;
@@ -15,7 +15,7 @@ const LEAST_SHARE: f64 = 0.015;
 /// Directions from the centre of a region in which its outline is moved.
 const SIDES: usize = 8;
 
-/// A mesh with what is asked of it.
+/// A mesh with its topology and areas.
 pub struct Surface<'a> {
     mesh: &'a Mesh,
     topology: Topology,
@@ -31,7 +31,7 @@ pub struct Region {
     center: DVec3,
     /// The unit normal.
     normal: DVec3,
-    /// To the other side of the mesh.
+    /// The distance from the centre to the other side of the mesh.
     depth: f64,
 }
 
@@ -87,7 +87,7 @@ impl<'a> Surface<'a> {
     fn region(&self, part: &[usize]) -> Option<Region> {
         let mut is_in = vec![false; self.positions.len()];
         part.iter().for_each(|&v| is_in[v] = true);
-        // What the part encloses: all that is beside it but the largest.
+        // The part encloses every connected set of the other vertices but the largest.
         let mut beside = self.parts(|v| !is_in[v]);
         beside.sort_by_key(Vec::len);
         beside.pop();
@@ -125,7 +125,7 @@ impl<'a> Surface<'a> {
         Region { is_in: is_in.collect(), ..*region }
     }
 
-    /// How far it is from a point of the surface against its normal to where the mesh ends.
+    /// The distance from a point of the surface, against its normal, to the opposite side of the mesh.
     fn depth(&self, from: DVec3, normal: DVec3) -> Option<f64> {
         let hit = |triangle: &[u32; 3]| {
             let [a, b, c] = triangle.map(|v| self.positions[v as usize]);

@@ -170,7 +170,7 @@ impl PoseFit {
         }
     }
 
-    /// The camera to which the unmoved mesh looks as the posed mesh does to the fit's camera.
+    /// The camera that sees the unmoved mesh as the fit's camera sees the posed one.
     ///
     /// # Errors
     /// [`softras::Error::Camera`] for a pose that is not finite.
@@ -292,8 +292,8 @@ impl PoseFit {
     }
 }
 
-/// A value for each of `count` poses: `make` makes those of a range, `at_once` at a time or as many as the device holds, which
-/// `at_once` is then.
+/// A value for each of `count` poses. `make` makes those of a range of at most `at_once` poses; if the device cannot hold so many,
+/// `at_once` is lowered to what it holds.
 fn of_each<T>(count: usize, at_once: &mut usize, make: impl FnMut(Range<usize>) -> Result<Vec<T>>) -> Result<Vec<T>> {
     let mut all = Vec::with_capacity(count);
     softras::parts::in_parts(count, at_once, make, |_, part| {

@@ -71,7 +71,7 @@ fn averaged(image: &Image, width: usize, height: usize) -> Image {
     Image { width, height, data, ..*image }
 }
 
-/// For each of `to` intervals the ones of `from` under it, with the share of each.
+/// For each of `to` coarse intervals, the fine ones of `from` that it covers, with the share of each in it.
 fn shares(from: usize, to: usize) -> Vec<Vec<(usize, f64)>> {
     let length = from as f64 / to as f64;
     let one = |i: usize| {
@@ -104,8 +104,8 @@ impl Place {
         (area > 0.5).then(|| Self { center: sum / area / size, area: area / size.element_product() })
     }
 
-    /// The way, in the camera's axes, by which an object at view depth `depth` has to move from here to `goal`, in images of
-    /// this size. Zero for cameras other than with perspective.
+    /// The translation, in the camera's axes, that moves an object at view depth `depth` from here to `goal`, in images of this
+    /// size. Zero for cameras without perspective.
     pub fn way_to(&self, goal: &Self, camera: &Camera, [width, height]: [f64; 2], depth: f64) -> DVec3 {
         let (slope, middle) = match *camera.projection() {
             Projection::Perspective { fov_y } => {

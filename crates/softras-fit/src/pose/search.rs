@@ -22,7 +22,7 @@ const ROUNDS: [(usize, f64); 4] = [(32, 0.2), (64, 0.3), (128, 0.1), (128, 0.4)]
 /// The first of the rounds that refine, and the last.
 const REFINING: usize = 2;
 const LAST: usize = ROUNDS.len() - 1;
-/// The second round takes one of so many fits.
+/// The second round takes the best half of the fits: their number divided by this.
 const PRUNED: usize = 2;
 /// The last round takes at most so many fits.
 const FINALISTS: usize = 4;
@@ -43,7 +43,7 @@ const TRANSLATION_RATE: f64 = 0.15;
 ///
 /// 512 rotations are compared with the picture in small images, moved to where the picture's silhouette lies; the most likely are
 /// fitted by [`PoseFit`], half of them in larger images, and the best of those refined. Call [`PoseSearch::step`] until it returns
-/// `None`, then [`PoseSearch::found`]. There is no chance in it: the same input gives the same poses.
+/// `None`, then [`PoseSearch::found`]. No random numbers are used: the same input gives the same poses.
 #[derive(Debug)]
 pub struct PoseSearch {
     scene: Scene,
@@ -119,9 +119,9 @@ impl PoseSearch {
         })
     }
 
-    /// With so many of the grid's rotations fitted (24, at most 512), in so many steps (150): a fifth of them with all, three tenths
-    /// with the best half in larger images, a tenth with the best of those in still larger ones, and the others with the best four; at
-    /// least one of each.
+    /// Sets how many of the grid's rotations are fitted (24 unless set, at most 512) and in how many steps (150 unless set): a fifth of
+    /// the steps with all rotations, three tenths with the best half in larger images, a tenth with the best of those in still larger
+    /// ones, and the others with the best four; at least one of each.
     #[must_use]
     pub fn with(self, starts: usize, steps: usize) -> Self {
         Self { starts: starts.clamp(1, GRID), steps: steps.max(1), ..self }
@@ -189,8 +189,8 @@ impl PoseSearch {
         }
     }
 
-    /// How many of the poses found are equally good, by the symmetry of the object or because the picture does not tell: their
-    /// losses are within half of the least. At least as many as were fitted; 0 before the last step.
+    /// How many of the poses found are equally good, by the symmetry of the object or because the picture does not decide between
+    /// them: their losses are at most 1.5 times the least. Poses that were not fitted may be as good; 0 before the last step.
     pub fn equally_good(&self) -> usize {
         let least = self.found().first().map_or(0.0, |(_, loss)| *loss);
         self.found().iter().take_while(|(_, loss)| *loss <= AS_GOOD * least).count()
@@ -223,8 +223,7 @@ impl PoseSearch {
         ((ROUNDS[round].1 * self.steps as f64).round() as usize).max(1)
     }
 
-    /// The poses that the round after this one begins with, and before those that refine the ones that it leaves out, with their
-    /// losses.
+    /// The poses that the next round begins with. If that is a round that refines, also the poses that it leaves out, with their losses.
     fn kept(&self, fits: &Fits, mut found: Vec<Scored>, renderer: &mut Renderer) -> Result<(Vec<Pose>, Vec<Scored>)> {
         let poses_of = |found: Vec<Scored>| found.into_iter().map(|(pose, _)| pose).collect();
         match fits.round + 1 {
@@ -251,8 +250,8 @@ impl PoseSearch {
             _ => fits.fit.losses(renderer, &left_out, SHARP, &repeated)?,
         };
         if self.translates {
-            // Of a translation the depth is what gradients find last, and the area of the silhouette at once. Most pictures show
-            // the object where the camera looks: that is tried as well.
+            // Gradients find a translation's depth last, and the area of the silhouette gives it at once. Most pictures show the
+            // object where the camera looks: no translation is tried as well.
             let mut centered = poses.clone();
             self.center_on_picture(renderer, &fits.fit, &mut centered)?;
             let unmoved: Vec<Pose> = poses.iter().map(|pose| Pose { translation: DVec3::ZERO, ..*pose }).collect();
@@ -261,8 +260,8 @@ impl PoseSearch {
         Ok((poses, left_out.into_iter().zip(losses).collect()))
     }
 
-    /// The losses of fitted poses: as they were fitted after the first round, sharp after the others, and of refined ones by
-    /// plain colours, which say more to a reader.
+    /// The losses of fitted poses: that of the fit after the first round, that of sharp images after the second, and that of sharp
+    /// images with plain colours, whose mean squared difference is easier to understand, after those that refine.
     fn compared(fits: &Fits, renderer: &mut Renderer) -> Result<Vec<Scored>> {
         let Fits { fit, target, round, .. } = fits;
         let losses = match *round {
@@ -273,8 +272,8 @@ impl PoseSearch {
         Ok(fit.poses().iter().copied().zip(losses).collect())
     }
 
-    /// Fits to the picture with no side longer than `side`. A smaller picture is compared with images of several times its pixels:
-    /// the edges of a soft image as small as the picture differ from the picture's own, and the fit moves to make up for that.
+    /// A fit to the picture with no side longer than `side`. A smaller picture is compared with images of several times its pixels: the
+    /// soft edges of an image as small as the picture differ from the picture's, and the fit would move the pose to make up for that.
     fn fit(&self, side: usize, options: PoseOptions, poses: Vec<Pose>) -> Result<(PoseFit, PoseTarget)> {
         let small = self.picture.at_most(side);
         let samples = (side / small.width().max(small.height())).max(1);

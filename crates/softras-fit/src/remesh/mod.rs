@@ -44,7 +44,7 @@ pub fn remeshed(mesh: &Mesh, edges: RangeInclusive<f64>) -> Result<Mesh> {
     remeshed_while(mesh, edges, &|| true)
 }
 
-/// [`remeshed`], which ends between two of its steps with an error when a call is false.
+/// [`remeshed`], which calls `goes_on` between its steps and ends with an error when that returns false.
 ///
 /// # Errors
 /// As [`remeshed`], and [`softras::Error::Fit`] where it is stopped.
@@ -52,8 +52,8 @@ pub fn remeshed_while(mesh: &Mesh, edges: RangeInclusive<f64>, goes_on: &dyn Fn(
     remade(mesh, &edges, true, goes_on)
 }
 
-/// The mesh remeshed to edges of one length, without what keeps it as it is: vertices are smoothed over the surface and its
-/// creases, by a fraction of an edge. For a surface of samples, whose steps are no detail.
+/// The mesh remeshed to edges of one length, where creases are not kept and vertices need not stay on the old surface: they are
+/// smoothed by a fraction of an edge. For a surface made of samples on a grid, whose steps are no detail.
 ///
 /// # Errors
 /// As [`remeshed`].
@@ -61,7 +61,7 @@ pub fn evened(mesh: &Mesh, edge: f64) -> Result<Mesh> {
     remade(mesh, &(edge..=edge), false, &|| true)
 }
 
-/// The nearest points of a mesh, which has one colour or vertex colours.
+/// The tree that finds nearest points of a mesh, which has one colour or vertex colours.
 pub(super) fn nearest(mesh: &Mesh) -> Result<Nearest> {
     Ok(Surface::of(mesh)?.nearest())
 }

@@ -6,7 +6,7 @@ use glam::DVec3;
 /// The most triangles of a box that is not divided.
 const LEAF: usize = 4;
 
-/// A surface's triangles in a tree of boxes, with what the surface has at their corners.
+/// A surface's triangles in a tree of boxes, with the colours and the wanted edge lengths of the surface's vertices.
 pub struct Nearest {
     /// In the order of the boxes.
     triangles: Vec<Triangle>,
@@ -21,7 +21,7 @@ struct Triangle {
     positions: [DVec3; 3],
 }
 
-/// A box around the triangles of a range, which its two children share between them.
+/// A box around the triangles of a range; each of its two children has half of the range.
 struct Node {
     low: DVec3,
     high: DVec3,
@@ -37,7 +37,7 @@ impl Node {
     }
 }
 
-/// A point of a surface, with what the surface has there.
+/// A point of a surface, with the colour and the wanted edge length there.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Found {
     pub point: DVec3,
@@ -84,7 +84,7 @@ impl Nearest {
         self.add(begin + middle, end);
     }
 
-    /// The nearest point within a distance, of the triangles that face about the same way as `normal`, or of all where it is 0.
+    /// The nearest point within a distance, on triangles that face about the same way as `normal`, or on any if `normal` is 0.
     pub fn find(&self, point: DVec3, normal: DVec3, within: f64) -> Option<Found> {
         let (mut best, mut least) = (None, within * within);
         let mut next = vec![0];
@@ -116,7 +116,7 @@ impl Nearest {
         best.map(|(triangle, shares)| self.at(triangle, shares))
     }
 
-    /// What the surface has at a point of a triangle, given by its shares of the corners.
+    /// The point of a triangle with these barycentric coordinates.
     fn at(&self, triangle: &Triangle, shares: [f64; 3]) -> Found {
         let corners = triangle.corners.map(|v| v as usize);
         let color = (!self.colors.is_empty()).then(|| mixed(shares, corners.map(|v| self.colors[v])));
@@ -129,7 +129,7 @@ fn mixed(shares: [f64; 3], corners: [DVec3; 3]) -> DVec3 {
     shares[0] * corners[0] + shares[1] * corners[1] + shares[2] * corners[2]
 }
 
-/// The point of a triangle that is nearest to a point, as shares of the corners, whose sum is 1.
+/// The barycentric coordinates of the point of a triangle that is nearest to a point.
 fn shares_nearest(point: DVec3, corners: [DVec3; 3]) -> [f64; 3] {
     let [a, b, c] = corners;
     let (ab, ac) = (b - a, c - a);

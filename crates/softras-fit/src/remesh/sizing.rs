@@ -27,11 +27,11 @@ pub fn lengths(surface: &Surface, edges: &RangeInclusive<f64>) -> Vec<f64> {
         let squared = 8.0 * tolerance / curvature - 4.0 * tolerance * tolerance;
         if curvature > 0.0 { squared.max(0.0).sqrt().clamp(shortest, longest) } else { longest }
     };
-    // Rounding may put a mean beyond what it is of.
+    // Rounding may put a mean beyond the values that it is of.
     averaged((0..rings.len()).map(length).collect(), &rings).into_iter().map(|l| l.clamp(shortest, longest)).collect()
 }
 
-/// The curvature along an edge: how much the normal turns on its way.
+/// The curvature along an edge: how much the normal turns per length.
 fn curvature(surface: &Surface, normals: &[DVec3], from: usize, to: usize) -> f64 {
     let length = surface.positions[from].distance(surface.positions[to]);
     normals[from].distance(normals[to]) / length.max(f64::MIN_POSITIVE)

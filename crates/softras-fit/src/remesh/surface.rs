@@ -29,7 +29,7 @@ pub struct Surface {
     pub colors: Vec<DVec3>,
     /// The length that edges at each vertex are to have.
     pub sizes: Vec<f64>,
-    /// Whether vertices stay on creases, and on the surface that there was.
+    /// Whether vertices stay on creases, and on the old surface.
     pub is_kept: bool,
     /// `None` for a triangle that was removed.
     pub triangles: Vec<Option<[u32; 3]>>,
@@ -56,7 +56,7 @@ impl Surface {
         Ok(Self { positions: points(mesh), colors, sizes, is_kept: true, triangles, at })
     }
 
-    /// The nearest points of the surface.
+    /// The tree that finds nearest points of the surface.
     pub fn nearest(&self) -> Nearest {
         let triangles = self.triangles.iter().flatten().copied();
         Nearest::new(&self.positions, triangles, self.colors.clone(), self.sizes.clone())
@@ -95,8 +95,8 @@ impl Surface {
         self.sizes[a as usize].min(self.sizes[b as usize])
     }
 
-    /// About how many triangles a surface has whose edges are as long as they are to be. What triangles without area add is
-    /// counted by their edges, which are split as well.
+    /// About how many triangles the surface will have when its edges have the wanted lengths. Triangles without area are counted by
+    /// their edges, which are split as well.
     pub fn triangles_wanted(&self) -> f64 {
         let even = |t: &[u32; 3]| {
             let size = self.size([t[0], t[1]]).min(self.size([t[1], t[2]]));
@@ -201,8 +201,8 @@ impl Surface {
         }
     }
 
-    /// How the ends of an edge are merged: at the end on the rim, or on a crease or corner that the other is not on, else
-    /// halfway; `None` where both are on the rim, or would leave their creases.
+    /// How the ends of an edge are merged: at the end that is on the rim, or on a crease or corner that the other end is not on,
+    /// else halfway; `None` where both are on the rim, or would leave their creases.
     fn merge(&self, [a, b]: [u32; 2]) -> Option<Merge> {
         let (kept, gone, part) = match (self.on_rim(a), self.on_rim(b)) {
             (true, true) => return None,

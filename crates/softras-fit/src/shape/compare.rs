@@ -6,7 +6,7 @@ use softras::{Frame, Image, ImageGradient, Result};
 use softras_io::Views;
 use std::borrow::Cow;
 
-/// The least silhouette of a pixel of the targets at which all of it shows the surface.
+/// The least silhouette value of a target's pixel that shows nothing but the surface.
 const COVERED: f32 = 0.99;
 
 /// The losses of some views, unweighted; 0 for images without a target.
@@ -19,7 +19,7 @@ pub struct ImageLosses {
 }
 
 impl ImageLosses {
-    /// Adds a share of those of some views.
+    /// Adds the losses of some views times their share of all views.
     pub fn add(&mut self, part: &Self, share: f64) {
         self.silhouette += share * part.silhouette;
         self.color += share * part.color;

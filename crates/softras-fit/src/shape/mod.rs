@@ -53,7 +53,7 @@ pub struct ShapeFit {
     scene: Scene,
     parameters: Parameters,
     values: Vec<f64>,
-    /// Those that the values give.
+    /// The positions that the values give.
     positions: Vec<DVec3>,
     optimizer: Optimizer,
     color_values: Vec<f64>,
@@ -74,7 +74,7 @@ struct Descent {
 }
 
 impl Descent {
-    /// Adds those of some views, whose share of all is `share`: every loss is a mean over views.
+    /// Adds the losses and gradients of some views times their share of all views, since every loss is a mean over views.
     fn add(&mut self, part: &Self, share: f64) {
         self.losses.add(&part.losses, share);
         self.by_positions.resize(part.by_positions.len(), DVec3::ZERO);
@@ -169,7 +169,7 @@ impl ShapeFit {
         let size = targets.size()?;
         let mut settings = sized(settings, size, self.options.samples);
         settings.outputs.color = targets.color.is_some();
-        // Depths are compared as they fade with the silhouette.
+        // Depths are compared together with the silhouette, see `compare`.
         settings.outputs.silhouette = targets.silhouette.is_some() || targets.depth.is_some();
         settings.outputs.depth = targets.depth.is_some();
         settings.outputs.normal = targets.normal.is_some();
@@ -202,7 +202,7 @@ impl ShapeFit {
         })
     }
 
-    /// Steps since the optimisers were new.
+    /// The number of steps that the optimisers have taken.
     fn steps_taken(&self) -> usize {
         usize::try_from(self.optimizer.steps().max(self.color_optimizer.steps())).unwrap_or_default()
     }

@@ -23,8 +23,8 @@ pub struct ShapeOptions {
     /// Number of pixels rendered per target pixel along each side; their mean is compared. Use 2 or more for targets
     /// with antialiased outlines.
     pub samples: usize,
-    /// Number of views that a step compares, others in each step, so that all are compared as often; 0 for all views in every
-    /// step. The losses of a step are those of its views.
+    /// Number of views that each step compares, cycling through all of them; 0 for all views in every step. The losses of a step
+    /// are those of its views.
     pub views_per_step: usize,
     /// Whether vertices move.
     pub fit_positions: bool,
@@ -45,7 +45,7 @@ impl ShapeOptions {
         }
     }
 
-    /// With these weights of the Laplacian, flatten and normal consistency regularizers in place of its own, where they are given.
+    /// Replaces the weights of the Laplacian, flatten and normal consistency regularizers by those that are given.
     #[must_use]
     pub fn weighted(mut self, given: [Option<f64>; 3]) -> Self {
         let all = [Regularizer::Laplacian, Regularizer::Flatten, Regularizer::NormalConsistency];

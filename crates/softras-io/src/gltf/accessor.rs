@@ -33,7 +33,7 @@ impl Kind {
         })
     }
 
-    /// The bytes of a component.
+    /// The number of bytes of a component.
     pub(super) fn size(self) -> usize {
         match self {
             Self::I8 | Self::U8 => 1,
@@ -83,7 +83,7 @@ impl Document<'_> {
         let has = components(accessor);
         // Colours may lack their alpha.
         let needed = if N == 4 { 3 } else { N };
-        // The columns of a matrix of small numbers begin at multiples of four bytes, and only floats are needed.
+        // Columns of matrices of bytes or shorts are padded to four bytes, which is not handled: glTF has such matrices nowhere.
         let value = |bytes: &[u8], k: usize| if k < has { kind.value(is_share, &bytes[k * least..]) } else { 1.0 };
         self.elements(source, index, needed, |bytes| std::array::from_fn(|k| value(bytes, k)))
     }

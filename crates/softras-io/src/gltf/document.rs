@@ -36,7 +36,7 @@ pub(super) struct Document<'a> {
     binary: Option<&'a [u8]>,
     buffers: HashMap<usize, Rc<Cow<'a, [u8]>>>,
     files: HashMap<PathBuf, Rc<Cow<'a, [u8]>>>,
-    /// The bytes of accessors, and of views, that were unpacked.
+    /// The unpacked bytes of accessors; those of views are in `views`.
     pub unpacked: HashMap<usize, Vec<u8>>,
     views: HashMap<usize, Rc<Cow<'a, [u8]>>>,
     /// The bytes of all buffers and files that were read or unpacked.

@@ -21,7 +21,7 @@ const CLAMP: usize = 33071;
 const MIRROR: usize = 33648;
 const NEAREST: usize = 9728;
 
-/// What a material makes of the triangles.
+/// How triangles of a material look.
 #[derive(Clone)]
 pub(super) struct Look {
     pub color: [f32; 3],
@@ -69,7 +69,7 @@ impl Map {
         }
     }
 
-    /// A UV of the file as one that runs up.
+    /// A UV of the file after the map's transform, with v running up.
     pub fn transformed(&self, [u, v]: [f32; 2]) -> [f32; 2] {
         if self.offset == [0.0; 2] && self.matrix == [[1.0, 0.0], [0.0, 1.0]] {
             return [u, 1.0 - v];
@@ -84,7 +84,7 @@ impl Map {
 pub(super) enum Cut {
     /// It is ignored.
     Opaque,
-    /// 1 from a cutoff on, whose bits these are, and else 0.
+    /// It becomes 1 if it reaches a cutoff, whose bits these are, and else 0.
     Mask(u32),
     /// It is taken as it is.
     Blend,
@@ -99,7 +99,7 @@ impl Cut {
         }
     }
 
-    /// The alpha that shows of one that a material and a vertex give.
+    /// The alpha that is drawn for the product of the file's alphas.
     pub fn apply(self, alpha: f32) -> f32 {
         match self {
             Self::Opaque => 1.0,
@@ -169,7 +169,7 @@ pub(super) fn textures(
         };
         let (number, edges) = placed(source, document, map)?;
         let color = [0, 1, 2].map(|k| look.color[k] * tint[k]);
-        // Where one side ends and the other goes on, the texels depend on how far the UVs reach.
+        // Where the image is clamped along one axis and repeats along the other, the texels depend on the range of the UVs.
         let reach = if edges[0] == edges[1] { &[][..] } else { range.as_flattened() };
         let bits =
             color.iter().chain(&look.glow).chain([&look.alpha]).chain(reach).map(|x| (x + 0.0).to_bits()).collect();
@@ -230,7 +230,7 @@ fn painted(
     }
     decoded.alpha = match (look.cut, decoded.alpha.filter(|_| !map.is_glow)) {
         (Cut::Opaque, _) | (_, None) => None,
-        // The material's own alpha is that of its triangles.
+        // The material's own alpha is in the opacity of its triangles.
         (Cut::Blend, alpha) => alpha,
         (cut, Some(alpha)) => Some(alpha.into_iter().map(|a| cut.apply(a * look.alpha)).collect()),
     };

@@ -198,7 +198,7 @@ pub struct SparsePart {
     pub buffer_view: Whole,
     #[serde(default)]
     pub byte_offset: Whole,
-    /// Of indices.
+    /// The type of indices; values have that of the accessor.
     #[serde(default)]
     pub component_type: Whole,
 }

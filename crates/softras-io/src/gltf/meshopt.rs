@@ -12,7 +12,7 @@ use std::{
     panic::{AssertUnwindSafe, catch_unwind},
 };
 
-/// The most bytes that one packed byte stands for: an element's byte takes two bits in sixteen elements.
+/// The most bytes that one packed byte unpacks to: a byte of sixteen elements in a row takes at least two bits.
 const MOST_PER_BYTE: usize = 64;
 
 impl Document<'_> {
@@ -57,7 +57,7 @@ fn decoded(bytes: &[u8], packed: &Value, count: usize, stride: usize) -> Result<
     Ok(indices.into_iter().flat_map(|index| index.to_le_bytes().into_iter().take(stride)).collect())
 }
 
-/// Elements of 4 to 256 bytes, which the crate takes as types of their size.
+/// Elements of 4 to 256 bytes. The crate has the size of an element as a type parameter.
 fn elements(bytes: &[u8], count: usize, stride: usize) -> Result<Vec<u8>, String> {
     macro_rules! of_words {
         ($($words:literal)*) => {
@@ -101,7 +101,8 @@ fn undo_filter(values: &mut [u8], name: &str, stride: usize) -> Result<(), Strin
     Ok(())
 }
 
-/// Three components by their scale, whose last two bits say where the fourth, the greatest, stands. The crate loses their signs.
+/// A unit quaternion of three components and their scale, whose last two bits are the place of the fourth and greatest component.
+/// The crate's own filter loses the signs.
 fn quaternion([x, y, z, scale]: [i16; 4]) -> [u16; 4] {
     let three = [x, y, z].map(|x| f32::from(x) * FRAC_1_SQRT_2 / f32::from(scale | 3));
     let fourth = (1.0 - three.iter().map(|x| x * x).sum::<f32>()).max(0.0).sqrt();

@@ -100,7 +100,7 @@ struct Soup {
     /// Vertex colours with alpha.
     colors: Vec<[f32; 4]>,
     uvs: Vec<[f32; 2]>,
-    /// Of the vertices up to the last that has one; 0 for vertices without.
+    /// One for each vertex up to the last that has one; 0 for vertices without.
     normals: Vec<[f32; 3]>,
     triangles: Vec<[u32; 3]>,
     pieces: Vec<Piece>,
@@ -237,7 +237,7 @@ impl Soup {
             let vertices = self.triangles[t].map(|corner| self.colors[corner as usize][3]);
             let alpha = look.alpha * vertices.iter().sum::<f32>() / 3.0;
             match look.cut {
-                // The cutoff is of the product with the texture, which has met it.
+                // The cutoff is for the product with the texture's alpha, and was applied to the texels.
                 image::Cut::Mask(_) if look.map.is_some() && uv_range.is_some() => 1.0,
                 cut => cut.apply(alpha),
             }
@@ -246,7 +246,7 @@ impl Soup {
         if opacity.iter().all(|opacity| *opacity == 1.0) { Vec::new() } else { opacity }
     }
 
-    /// Names the materials, and notes what of them depends on all pieces.
+    /// Lists the names of the materials, and notes what can be known only when all pieces have been read.
     fn note_looks(&self, source: &mut Source, root: &json::Root) {
         let used: BTreeSet<usize> = self.pieces.iter().filter_map(|piece| piece.material).collect();
         source.materials = used.iter().map(|&index| root.materials[index].name.clone()).collect();
@@ -369,10 +369,10 @@ impl Soup {
     }
 }
 
-/// A normal at a place; 0, for the triangles to decide, where the place is flat.
+/// A normal under a transform. A singular transform may make it 0, and then the triangles decide.
 fn turned(place: &DMat4, normal: [f32; 3]) -> [f32; 3] {
     let columns = DMat3::from_mat4(*place);
-    // The cofactors are the inverse's transpose times the determinant, and exist where that is 0.
+    // The cofactors are the inverse's transpose times the determinant, and exist for a singular matrix, too.
     let [x, y, z] = [columns.x_axis, columns.y_axis, columns.z_axis];
     let cofactors = DMat3::from_cols(y.cross(z), z.cross(x), x.cross(y));
     let determinant = columns.determinant();

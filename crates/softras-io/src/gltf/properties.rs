@@ -198,7 +198,8 @@ fn place(path: &str, own: &str) -> String {
     }
 }
 
-/// The name of an attribute as the table has it: sets but the first of colours by `n`, own names as `_NAME`.
+/// The name of an attribute as the table has it: the number of a set is `n`, except for `COLOR_0`, and an application's own name is
+/// `_NAME`.
 fn general(name: &str) -> String {
     match name.rsplit_once('_') {
         _ if name.starts_with('_') => "_NAME".into(),

@@ -4,7 +4,7 @@ use super::{Soup, document::Document, json};
 use crate::source::Source;
 use glam::{DMat4, DQuat, DVec3};
 
-/// The most visits of nodes beside one of each: a file may draw a node for several parents, but not without end.
+/// The most visits of nodes beyond the first of each: a file may draw a node for several parents, but not without end.
 const MOST_VISITS: usize = 1 << 20;
 
 /// Where the vertices of a mesh are drawn.
@@ -41,7 +41,7 @@ fn within(parent: Option<DMat4>, local: Option<DMat4>) -> Option<DMat4> {
     }
 }
 
-/// The nodes that the scene begins with: all that are no children without a scene.
+/// The nodes that the scene begins with; if the file has no scene, all that are no children.
 fn roots(root: &json::Root) -> Vec<usize> {
     match root.scenes.get(root.scene.map_or(0, |scene| scene.0)) {
         Some(scene) => scene.nodes.iter().map(|node| node.0).collect(),
@@ -53,8 +53,8 @@ fn roots(root: &json::Root) -> Vec<usize> {
     }
 }
 
-/// Visits all nodes that are drawn, from the first to the last, with their places. A node of several parents is visited for each;
-/// one below itself is not, with a note.
+/// Visits all nodes that are drawn, from the first to the last, with their places. A node of several parents is visited for each. A
+/// node below itself is left out with a note.
 fn visit<'a>(
     source: &mut Source,
     root: &'a json::Root,

@@ -120,7 +120,7 @@ impl File {
         accessor
     }
 
-    /// Normals that the mesh has of its own. A vertex whose normal its triangles decide has none, so that none are written then.
+    /// Writes the mesh's own normals if every vertex has one. A normal of 0, which leaves it to the triangles, has no form in glTF.
     fn add_normals(&mut self, mesh: &Mesh, attributes: &mut Value) {
         if !mesh.normals().is_empty() && mesh.normals().iter().all(|normal| *normal != [0.0; 3]) {
             attributes["NORMAL"] = self.floats(mesh.normals(), "VEC3").into();

@@ -114,7 +114,7 @@ fn find_used<'a>(obj: &Obj, library: &'a Materials, notes: &mut Notes) -> Vec<Op
     let mut find = |(name, line): &(String, usize)| {
         let material = library.find(name);
         match material {
-            // Of a library that cannot be read a note has told already.
+            // A library that cannot be read has been noted already.
             None if library.is_whole() => {
                 let place = if obj.libraries.is_empty() { "the file names no mtllib" } else { "in no MTL file" };
                 notes.add(Some(*line), format!("unknown material \"{}\" ({place}): white", text::name(name)));
@@ -170,7 +170,7 @@ fn textured(
     let mut texture_of_triangle: Vec<u32> =
         collected(source, triangles.faces.iter().map(|&face| texture_of_face[face]))?;
     let (mut uvs, mut uv_triangles) = (mem::take(&mut obj.uvs), mem::take(&mut triangles.uvs));
-    // Files whose UVs are all missing have a texture on no face.
+    // A file without UVs has no UV indices yet, and then no face has a texture.
     uv_triangles.resize(triangles.faces.len(), [0; 3]);
     let map = |face: usize| material_of_face[face].and_then(|m| m.map.as_ref().or(m.alpha_map.as_ref()));
     place_uvs(&mut uvs, &mut uv_triangles, |t| map(triangles.faces[t]));
@@ -223,7 +223,7 @@ fn image(source: &mut Source, textures: &mut Textures<Key>, material: &Material,
     let (map, alpha) = (locate(&material.map), locate(&material.alpha_map));
     let wrap = map.as_ref().or(alpha.as_ref())?.0.wrap;
     let path = |map: &Option<(Map, PathBuf)>| map.as_ref().map(|(_, path)| path.clone());
-    // The colour shows only where there is no image of it.
+    // The colour counts only if the material has no image for it.
     let bits = if map.is_some() { [0; 3] } else { bits(color) };
     textures.find_or(Key::Files(path(&map), path(&alpha), wrap, bits), |room| {
         let texture = match &map {

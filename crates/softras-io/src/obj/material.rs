@@ -46,7 +46,7 @@ fn fate_of(keyword: &str) -> Option<Fate> {
 pub(super) struct Materials {
     all: Vec<Material>,
     by_name: HashMap<String, usize>,
-    /// Some file could not be read.
+    /// Whether some file could not be read.
     lacks_some: bool,
 }
 
@@ -82,7 +82,7 @@ impl Materials {
         if let [only] = &self.all[..] { Some(only) } else { None }
     }
 
-    /// Decides what `Tr` means. MeshLab writes 1 for opaque; so does whoever writes it in every material.
+    /// Decides what `Tr` means. MeshLab writes 1 for opaque, and so must a file in which every material has it: else nothing is visible.
     fn settle_tr(&mut self, notes: &mut Notes, mtl: &Path, first: usize, is_meshlab: bool) {
         let own = &mut self.all[first..];
         let is_clear = |material: &Material| material.dissolve.is_none() && material.solidity == Some(0.0);

@@ -1,10 +1,9 @@
 //! The parser of OBJ files: every statement is validated and read once, with its line.
 //!
-//! The crate tobj is not used because its result cannot be made to keep what [`load`](super::load) promises: it drops
-//! unused vertices and renumbers the others, and of the errors that it finds it tells no line. What it takes wrongly
-//! without an error is worse: it reads `f 1 2` as a line, invents the UV of a corner that has none, shifts vertex colours
-//! when only some vertices have one, and overflows on a huge UV index. The tests compare this parser with tobj on files
-//! that both read rightly.
+//! The crate tobj is not used because it cannot keep what [`load`](super::load) promises: it drops unused vertices and
+//! renumbers the others, and its errors have no line numbers. Worse, it reads some files wrongly without an error: it takes
+//! `f 1 2` for a line, invents the UV of a corner that has none, shifts vertex colours when only some vertices have one, and
+//! overflows on a huge UV index. The tests compare this parser with tobj on files that both read rightly.
 
 use super::statement::{Statement, statements};
 use crate::{
@@ -84,9 +83,9 @@ pub(super) struct Face {
 struct Totals {
     vertices: usize,
     colored: usize,
-    /// Of those of seven numbers, how many there are, how many have 1 as the fourth, and how many as the last.
+    /// Of vertices of seven numbers, how many there are, how many have 1 as the fourth number, and how many have it as the last.
     sevens: [usize; 3],
-    /// Of those with a colour, how many have a value above 1.
+    /// Of vertices with a colour, how many have a value above 1.
     bright: usize,
     uvs: usize,
     normals: usize,
@@ -180,7 +179,7 @@ impl Totals {
 }
 
 impl Obj {
-    /// With room for all that the file has.
+    /// Nothing yet, with room for all that the file has.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`](softras::Error::OutOfMemory).
@@ -281,7 +280,7 @@ impl Parser<'_> {
         Ok(())
     }
 
-    /// A vertex colour, which is as bright as the same number in a picture.
+    /// A vertex colour, decoded from sRGB like the numbers of a picture.
     fn color(&mut self, rgb: [&str; 3], line: usize) -> Checked {
         let mut color = numbers::<f32, 3>("vertex colour", &rgb)?;
         if let Some(i) = color.iter().position(|x| x.is_nan() || x.abs() > Mesh::BRIGHTEST) {

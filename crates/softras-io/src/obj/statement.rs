@@ -38,7 +38,7 @@ impl Statement<'_> {
         self.body.split_once(char::is_whitespace).map_or("", |(_, rest)| rest.trim())
     }
 
-    /// The same up to a comment: what follows a `#` may belong to a name.
+    /// [`Statement::rest`] up to a comment. A name that holds ` #` is cut there; `rest` has all of it.
     pub fn name(&self) -> &str {
         before_comment(self.rest())
     }

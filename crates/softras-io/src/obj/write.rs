@@ -133,7 +133,7 @@ fn obj(mesh: &Mesh, mtllib: Option<&str>, material_of_triangle: &[u32], curve: C
     text
 }
 
-/// 8 bits a channel where every texel is a whole number of 255ths, else 16.
+/// A PNG file of a texture: 8 bits a channel if every value is a whole number of 255ths, else 16.
 pub fn png(texture: &Texture) -> Result<Vec<u8>> {
     let values = texture.texels().as_flattened();
     if let Some(value) = values.iter().find(|value| !(0.0..=1.0).contains(*value)) {

@@ -25,7 +25,7 @@ use softras::{
 };
 use std::{io::Cursor, mem};
 
-/// What becomes of elements, and of their properties. Of other elements there is a note; other properties are numbers about the mesh.
+/// What becomes of elements, and of their properties. Other elements are noted; other properties, which are data about the mesh, are not.
 pub const PROPERTIES: &Fates = &[
     (
         "vertex.x vertex.y vertex.z vertex.nx vertex.ny vertex.nz vertex.red vertex.green vertex.blue vertex.diffuse_red \
@@ -144,7 +144,7 @@ fn parse(source: &mut Source, bytes: &[u8]) -> Result<Ply, String> {
         let mut table = Table::new(element, least);
         for property in element.properties.iter().filter(|_| element.count > 0) {
             match fate::of(PROPERTIES, &format!("{}.{}", element.name, property.name)) {
-                // What is opaque says nothing.
+                // Alpha is noted when a row has one that is not opaque.
                 Some(NotDrawn(note)) if note != ALPHA => source.notes.count(None, note),
                 _ => {}
             }
@@ -363,7 +363,7 @@ fn appearance(source: &mut Source, ply: Ply, triangles: &[[u32; 3]]) -> Appearan
             let corners = 0..triangles.len() as u32;
             (ply.corner_uvs.as_flattened().to_vec(), corners.map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect())
         };
-        // An image that cannot be read, or that there is not, is white.
+        // An image that is missing or cannot be read is white.
         let white = Texture::new(1, 1, vec![[1.0; 3]], Wrap::Repeat).ok();
         let mut textures: Vec<Texture> =
             images.into_iter().filter_map(|image| image.or_else(|| white.clone())).collect();

@@ -32,10 +32,11 @@ pub struct Views {
     pub names: Vec<String>,
 }
 
-/// What is read of views, and how.
+/// Options for reading views.
 #[derive(Clone, Debug)]
 pub struct ViewsOptions {
-    /// The file of cameras; `None`: what the folder has of cameras.json, transforms.json and images.txt.
+    /// The file of cameras; `None`: the first that the folder has of cameras.json, transforms.json, COLMAP's images.txt or images.bin,
+    /// cameras.npz, and Middlebury's `_par.txt`.
     pub cameras: Option<PathBuf>,
     /// The vertical angle of view of cameras whose file does not give one, degrees.
     pub fov: f64,
@@ -49,9 +50,9 @@ pub struct ViewsOptions {
     pub normals: Option<PathBuf>,
     /// Allow pictures outside of the folder.
     pub allow_outside: bool,
-    /// Bytes of the budget that a pixel takes, with all that is made of it later.
+    /// Bytes of the budget that a pixel takes, including what the caller makes of it later.
     pub bytes_per_pixel: u64,
-    /// The pixels of a picture that it is made of, at most; the others are read alone.
+    /// The most pixels of a picture that take so many bytes. The caller uses no more, and the others take only what reading needs.
     pub most_pixels: u64,
 }
 
@@ -192,7 +193,7 @@ impl Views {
     }
 }
 
-/// Bytes of a pixel that is read alone: colour and silhouette, and the depth of the mesh there.
+/// Bytes of a pixel that is only read: colour and silhouette, and the depth of the mesh there.
 const READ_BYTES: u64 = 24;
 
 /// Claims the memory for so many pixels.
@@ -205,7 +206,7 @@ fn claim_pixels(options: &ViewsOptions, budget: &Budget, path: &Path, pixels: u6
 
 /// Images and cameras as numpy arrays.
 fn arrays(options: &ViewsOptions, path: &Path, budget: &Budget) -> Result<Views> {
-    // What is not there is no .npy file that lacks its cameras.
+    // A missing file is an error of its own, before that of missing cameras.
     std::fs::metadata(path).map_err(|source| Error::Io { path: path.into(), source })?;
     let Some(cameras) = &options.cameras else {
         return refuse(path, "images in a .npy file have no cameras with them", "give the file of their cameras too");
@@ -370,7 +371,8 @@ fn masked(picture: &mut [[f64; 4]], path: &Path, size: (u32, u32)) -> Result<()>
     Ok(())
 }
 
-/// A distorted picture as a pinhole camera would have taken it, between the four pixels around each place; nothing beyond its border.
+/// A distorted picture as a pinhole camera would have taken it, interpolated between the four pixels around each place, with nothing
+/// beyond its border.
 fn straightened(picture: &[[f64; 4]], view: &camera_files::Entry, width: usize) -> Vec<[f64; 4]> {
     let height = picture.len() / width;
     let at = |row: f64, column: f64| -> [f64; 4] {
@@ -398,7 +400,7 @@ fn check_inside(folder: &Path, file: &Path, allowed: bool) -> Result<()> {
     refuse(file, "lies outside the folder of views", "move it into the folder, or use --allow-outside")
 }
 
-/// How a silhouette was told, and that a picture was turned.
+/// Notes on how a silhouette was found, and that a picture was turned.
 type Noted = [Option<String>; 2];
 
 /// The pixels of a picture file, linear colour over black and alpha, and the notes of [`PictureFile::decode_object`].
@@ -416,7 +418,7 @@ fn pixels_of(path: &Path) -> Result<(Vec<[f64; 4]>, Noted)> {
 type Pixelated = (usize, usize, Vec<[f64; 4]>, Vec<String>);
 
 /// Width, height and pixels of a picture file, linear colour over black and alpha; each takes `bytes_per_pixel` of the budget. The alpha
-/// of a picture without transparency is as [`Views::open_with`] has it; how is noted.
+/// of a picture without transparency is found as by [`Views::open_with`], with a note.
 ///
 /// # Errors
 /// [`Error::Io`]; [`Error::File`] for what is no picture or larger than the budget.

@@ -130,7 +130,7 @@ fn triangles(archive: &Archive, count: usize) -> Result<Vec<[u32; 3]>> {
 /// The colours of the meshes of a batch.
 struct Colors {
     rows: Vec<[f32; 3]>,
-    /// What a row is of; `None` where the one row is of everything.
+    /// Whether rows are the colours of triangles, else of vertices; `None` for one colour.
     per_triangle: Option<bool>,
     /// The number of rows of an entry, and whether each entry has its own.
     count: usize,

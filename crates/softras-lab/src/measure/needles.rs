@@ -48,7 +48,7 @@ fn cylinder() -> Result<Mesh> {
     Mesh::new(points, sides.chain(caps).collect())
 }
 
-/// A needle behind a plate, whose far end comes to stand beside the plate and before it.
+/// A plate, and a needle that begins behind it (z > 0) and ends beside it and in front of it.
 fn sliver() -> Result<Mesh> {
     let points = vec![
         [-1.0, -1.0, 0.0],

@@ -14,7 +14,7 @@ _Doubles = npt.NDArray[np.float64]
 _Indices = npt.NDArray[np.uint32]
 _Path = Union[str, "os.PathLike[str]"]
 _Names = Union[str, Sequence[str]]
-# None for what was not asked for; who asked needs no check for it.
+# None for what was not asked for. `Any` saves those who asked a check for None.
 _MaybeFloats = Union[_Floats, Any]
 _MaybeDoubles = Union[_Doubles, Any]
 

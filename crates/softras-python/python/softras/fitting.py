@@ -74,12 +74,13 @@ def deform(
 
     `silhouette` is [views, height, width] in [0, 1], `color` [views, height, width, 3] linear on the settings' background;
     at least one of them, with one camera for each view. `rate` is about the distance that a vertex moves in a step, in world
-    units, from the first step to the last; sigma and gamma are softnesses in the same way. `method` is "smooth" (vertices move
-    with their neighbours, for any template) or "official" (the demo's logit displacements). `fit_colors` is on where `color`
-    is given; then a mesh of one colour has that colour at every vertex to begin with, and fit_colors="one" keeps it one. `views_per_step` views are compared in a step, others in each, or all with 0; the losses of a step are those of its
-    views. `settings` default to depths close around the template and a composite background; size and outputs are the
-    targets'. `progress(step, loss)` is called after every step; True draws a bar by tqdm. An exception of it,
-    Ctrl-C too, ends the fit.
+    units, from the first step to the last; sigma and gamma, too, are values at the first step and at the last. `method` is
+    "smooth" (vertices move with their neighbours, for any template) or "official" (the demo's logit displacements). Colours are
+    fitted if `color` is given, unless `fit_colors` is False: a mesh of one colour begins with that colour at every vertex, and
+    fit_colors="one" fits a single colour. Each step compares `views_per_step` views, cycling through all of them (0: all); its
+    losses are those of these views. `settings` default to depths close around the template and a composite background; size and
+    outputs are the targets'. `progress(step, loss)` is called after every step; True draws a bar by tqdm. An exception in it, or
+    Ctrl-C, ends the fit.
 
     Raises FitError for targets that do not fit together, and what `Renderer.render` raises.
     """

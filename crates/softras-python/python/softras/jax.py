@@ -43,7 +43,7 @@ class Images(NamedTuple):
 
 
 class _Frames:
-    """The last frames by number. What JAX may hold between the passes are arrays, so it holds the number."""
+    """The last frames by number. JAX can keep only arrays between the passes, so it keeps the number of a frame."""
 
     def __init__(self):
         self._lock, self._numbers, self._frames = threading.Lock(), itertools.count(), collections.OrderedDict()

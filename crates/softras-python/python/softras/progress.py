@@ -1,4 +1,4 @@
-"""What a fit tells while it runs."""
+"""The progress of a fit while it runs."""
 
 from __future__ import annotations
 

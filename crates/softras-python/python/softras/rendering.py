@@ -43,7 +43,7 @@ if hasattr(os, "register_at_fork"):
 
 
 def batched(meshes: Sequence[Mesh], cameras: Sequence[Camera]) -> Tuple[List[Mesh], List[Camera]]:
-    """Several meshes and one camera for each: one camera that all of them have, or as many in turn for each mesh."""
+    """A mesh and a camera for each view: one camera is repeated for all meshes, or each of B meshes N times for B·N cameras."""
     meshes, cameras = list(meshes), list(cameras)
     if len(meshes) > 1 and len(cameras) == 1:
         cameras = cameras * len(meshes)
@@ -64,7 +64,8 @@ def render(
 ) -> Frame:
     """Renders one mesh from every camera, or a list of B meshes from one camera each. See `Renderer.render`.
 
-    B meshes may also have one camera for all, or B·N, of which each mesh has N in turn: then the frame has B·N meshes.
+    B meshes may also have one camera for all, or B·N cameras, the first N for the first mesh and so on: then the frame has B·N
+    meshes.
     """
     if not isinstance(meshes, Mesh) and not isinstance(cameras, Camera):
         meshes, cameras = batched(meshes, cameras)

@@ -65,7 +65,8 @@ class Images(NamedTuple):
 def _host(value) -> np.ndarray:
     if not isinstance(value, torch.Tensor):
         return np.asarray(value)
-    # Nothing is called that need not be: within `torch.func` results are wrapped, and constants have no `numpy`.
+    # Within `torch.func` the result of a method is a wrapped tensor, so that none is called without need, and constants have no
+    # `numpy`: they are read by DLPack.
     value = value.detach() if value.requires_grad else value
     value = value if value.device.type == "cpu" else value.cpu()
     # numpy has no bfloat16.
@@ -103,7 +104,7 @@ class _Render(torch.autograd.Function):
 
 
 class _Gradient(torch.autograd.Function):
-    """The gradients as a function of their own, of which `torch.func` takes off its wrappers."""
+    """The gradients as an autograd function of their own, since `torch.func` unwraps the tensors that it passes to one."""
 
     @staticmethod
     def forward(task, *tensors: torch.Tensor):
@@ -111,7 +112,7 @@ class _Gradient(torch.autograd.Function):
         given, inputs = tensors[: len(names)], tensors[len(names) :]
         upstream = dict(zip(names, map(_host, given)))
         found = _scene.differentiate(scene, scene.frame, [_host(tensor) for tensor in inputs], wanted, upstream)
-        # None where the loss depends on nothing: torch then leaves out what made the input.
+        # None for an input that the loss does not depend on: torch then skips the derivatives of what made the input.
         rows = zip(inputs, found)
         return tuple(None if one is None else torch.from_numpy(one).to(x).reshape(x.shape) for x, one in rows)
 
@@ -159,8 +160,8 @@ def render(
 
     A mesh may have several textures: then `textures` is a list of them for one mesh, and a list of such lists for B meshes,
     and the constant `texture_of_triangle` [F] says which of them each triangle shows. `uv_faces` [F, 3] are the UVs of the
-    triangles' corners (the faces unless given); both may be lists with one for each mesh. `wrap` is "repeat" or "clamp". What
-    is left out and a `softras.Mesh` given as `faces` has is taken from that.
+    triangles' corners (the faces unless given); both may be lists with one for each mesh. `wrap` is "repeat" or "clamp". If
+    `faces` is a `softras.Mesh`, arguments that are left out are taken from it.
 
     As tensors by keyword:
 

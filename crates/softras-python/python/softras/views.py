@@ -137,14 +137,14 @@ class Views:
         """Finds the mesh that looks like the views, as `softras fit` does.
 
         `color` fits a colour for each vertex, `texture` a texture of at most so many texels a side. The fit begins with `template`, or
-        with `begin`: a "hull", a "sphere", or "auto", a hull from eight views on. What is None is chosen by the method and by what it
-        begins with. Views that do not agree with the others are left out, and holes that one mask alone shows filled, each with a note,
-        unless `keep_views`. Cameras that the silhouettes show to be off are refined, with a note, unless `keep_cameras`. Exposures
-        that differ are leveled unless `keep_exposure`. Pictures are cropped to the object and have at most `crop` pixels a side; 0
-        keeps them as they are. A texture is taken of the pictures as given. `hold_out` views are not fitted and judge the result;
-        None is an eighth of twelve views or more, at most three. `report` is a file of HTML: each view beside the mesh, the cameras and
-        the losses. `progress(step, loss)` is called after every step; True draws a
-        bar by tqdm. An exception of it, Ctrl-C too, ends the fit.
+        with `begin`: a "hull", a "sphere", or "auto", a hull from eight views on. The default of an argument of None depends on the
+        method and on the mesh that the fit begins with. Views that disagree with the others are left out, and holes that only one mask
+        shows are filled, each with a note, unless `keep_views`. Cameras that disagree with the silhouettes are refined, with a note,
+        unless `keep_cameras`. Exposures that differ are leveled unless `keep_exposure`. Large pictures are cropped to the object, to at
+        most `crop` pixels a side; 0 keeps them as they are. A texture is taken from the pictures as given. `hold_out` views are not
+        fitted and judge the result; None is an eighth of twelve views or more, at most three. `report` is a file of HTML: each view
+        beside the mesh, the cameras and the losses. `progress(step, loss)` is called after every step; True draws a bar by tqdm. An
+        exception in it, or Ctrl-C, ends the fit.
 
         Raises FitError, IoError, and what `Renderer.render` raises.
         """
@@ -166,8 +166,9 @@ def load_views(
 ) -> Views:
     """Reads a folder of pictures with a file of their cameras, or a .npy file of images, as `softras fit --views` does.
 
-    Cameras are in cameras.json, transforms.json (NeRF) or COLMAP's text; `fov` is the vertical angle of view in degrees of those
-    whose file does not give one. `depths` and `normals` are folders of maps. What the reader notes is a warning. Raises IoError, FileError.
+    Cameras are in cameras.json, transforms.json (NeRF), a COLMAP model, cameras.npz (IDR, NeuS) or a _par.txt (Middlebury); `fov`
+    is the vertical angle of view in degrees where the file does not give one. `depths` and `normals` are folders of maps. Notes of
+    the reader become warnings. Raises IoError, FileError.
     """
     read, images, notes = _softras.load_views(
         path,

@@ -17,7 +17,6 @@ use std::{
     sync::atomic::Ordering,
 };
 
-/// Steps between two checkpoints.
 const CHECKPOINT_STEPS: usize = 100;
 
 pub fn run(args: &FitArgs) -> Result<(), Failure> {
@@ -165,7 +164,7 @@ fn work(
             end(args, fitting, film, renderer)?;
             return Ok(None);
         }
-        // The state that the fit began with is the template's, or a checkpoint's already.
+        // The first state needs no checkpoint: it is that of the template, or of the checkpoint that was read.
         if at > first && at < count && at.is_multiple_of(CHECKPOINT_STEPS) {
             write_checkpoint(args, fitting)?;
         }

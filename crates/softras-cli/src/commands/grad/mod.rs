@@ -68,7 +68,6 @@ fn settings(args: &GradArgs, view: &Viewpoint, target: &Target) -> Settings {
     softras_view::settings(&look, view, &[Output::Color], 1, None)
 }
 
-/// The report of the command.
 struct Report<'a> {
     device: &'a str,
     loss: &'a Loss,

@@ -30,7 +30,7 @@ impl Agreement {
         Ok(Self::between([&target.color, &target.silhouette], [&shown.color, &shown.silhouette]))
     }
 
-    /// Whether picture and mesh agree as where a pose is right.
+    /// Whether picture and mesh agree as well as in a right pose.
     pub fn is_near(&self) -> bool {
         self.iou >= LEAST_IOU && self.color <= MOST_COLOR
     }
@@ -42,7 +42,7 @@ impl Agreement {
         format!("{verdict}silhouettes agree by {:.3} (IoU), colours differ by {color:.0} %", self.iou)
     }
 
-    /// What to look for where the mesh in this pose is not what the picture shows, if that is so.
+    /// A note on likely reasons, if the mesh in this pose is not what the picture shows.
     pub fn doubt(&self) -> Option<String> {
         if self.is_near() {
             return None;

@@ -33,7 +33,6 @@ pub fn run(args: &PoseArgs) -> Result<(), Failure> {
     find(args, &mesh, origin, &Target::new(width, height, &pixels), &mut renderer)
 }
 
-/// A target picture.
 struct Target {
     color: Image,
     silhouette: Image,
@@ -121,13 +120,12 @@ fn find(
     let agreement = Agreement::of(&view, &posed, target, renderer)?;
     let other = search.found().iter().find(|(pose, _)| pose.degrees_to(&best) > OTHER);
     let confidence = other.map(|(_, other)| (1.0 - loss / other.max(1e-12)).clamp(0.0, 1.0));
-    // Of poses that do not explain the picture none is good.
+    // If the best pose does not explain the picture, others are not listed as equally good.
     let good = if agreement.is_near() { search.equally_good() } else { 1 };
     let equally_good = search.found()[..good].to_vec();
     tell(args, &Answer { equally_good, confidence, agreement })
 }
 
-/// The result of the fit.
 struct Answer {
     /// The best pose and those that explain the picture as well, with their losses.
     equally_good: Vec<(Pose, f64)>,

@@ -123,7 +123,7 @@ impl CameraArgs {
         CameraOptions { eye, target, up, distance, elevation, azimuth, fov, orthographic, near, far }
     }
 
-    /// The view of a mesh in these bounds, whose origin lies there in its file.
+    /// The view of a mesh in these bounds. The arguments are in the coordinates of its file, where the mesh's origin is `origin`.
     pub fn view(
         &self,
         bounds: Bounds,

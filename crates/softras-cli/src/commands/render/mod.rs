@@ -61,7 +61,6 @@ fn still(stage: &mut Stage<'_>, targets: &[Target], report: &mut Report) -> Resu
     Ok(())
 }
 
-/// One file to write.
 #[derive(Debug)]
 struct Target {
     path: PathBuf,
@@ -108,7 +107,7 @@ fn targets(args: &RenderArgs) -> Result<Vec<Target>, Failure> {
     Ok(targets)
 }
 
-/// Refuses samples that a file or a frame cannot have, and solid alpha in modes in which that is not known how.
+/// Refuses samples that a file or a frame cannot have, and solid alpha in modes in which it is not possible.
 fn check_samples(args: &RenderArgs, targets: &[Target]) -> Result<(), Failure> {
     let options = args.options(2);
     if options.alpha == Some(Alpha::Solid) && !options.can_be_solid() {

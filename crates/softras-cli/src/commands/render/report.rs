@@ -7,7 +7,6 @@ use serde_json::{Value, json};
 use softras_view::{Shot, Studio, short};
 use std::time::Duration;
 
-/// A file that was written.
 #[derive(Debug)]
 struct Written {
     path: String,
@@ -37,7 +36,6 @@ pub struct Report {
 }
 
 impl Report {
-    /// A report on the stage's mesh and device.
     pub fn new(stage: &Stage<'_>, notes: Vec<String>) -> Self {
         Self {
             device: stage.renderer.device_name().into(),

@@ -19,7 +19,7 @@ const SIZE: u32 = 24;
 const SETTLED: u64 = 1000;
 /// The growth of memory that the allocator may cause by itself: of one renderer, and of each further one.
 const SLACK: [u64; 2] = [16 << 20, 1 << 20];
-/// Frames whose bits are compared between renderers; those after them are of the same cameras again.
+/// The number of different frames. Later frames repeat their cameras, and must repeat their bits.
 const DISTINCT: u64 = 1000;
 
 /// What is rendered.

@@ -8,9 +8,8 @@ use std::path::Path;
 
 /// Number of scenes at each σ and γ.
 const SCENES: u64 = 8;
-/// The powers of ten of σ.
+/// The powers of ten of σ and γ.
 const SIGMA: std::ops::RangeInclusive<i32> = -12..=1;
-/// The powers of ten of γ.
 const GAMMA: std::ops::RangeInclusive<i32> = -10..=1;
 /// Side of a cell in pixels.
 const CELL: i32 = 52;

@@ -1,7 +1,7 @@
 //! COLMAP's model, cameras.txt and images.txt, or the same in binary (<https://colmap.github.io/format.html>).
 //!
 //! A pose is world to camera, X' = R(q) X + t with a unit quaternion q = (w, x, y, z), and the camera's axes are x right,
-//! y down, z forward. The centre of the upper left pixel is (0.5, 0.5). Of the points of pictures nothing is kept.
+//! y down, z forward. The centre of the upper left pixel is (0.5, 0.5). The points of pictures are skipped.
 
 use super::{Entry, Lens, MAX_PICTURES, posed};
 use crate::{fault, input};
@@ -31,7 +31,7 @@ impl<'a> Lines<'a> {
         let file = input::open(path)?;
         input::refuse_empty(path, file.metadata().map_or(1, |metadata| metadata.len()))?;
         let mut reader = BufReader::new(file);
-        // What is no such model reads as one that is cut off.
+        // A file of another kind looks like a model that is cut off.
         let wrong = |error: std::io::Error| {
             let is_cut = error.kind() == std::io::ErrorKind::UnexpectedEof;
             let what = if is_cut {
@@ -127,7 +127,7 @@ fn is_binary(path: &Path) -> bool {
     path.extension().is_some_and(|extension| extension == "bin")
 }
 
-/// A binary file of the model as the text would be, without points.
+/// A binary file of the model converted to the text form, without points.
 fn as_text(path: &Path, reader: &mut impl BufRead) -> std::io::Result<String> {
     fn some<const N: usize>(reader: &mut impl Read) -> std::io::Result<[u8; N]> {
         let mut bytes = [0; N];

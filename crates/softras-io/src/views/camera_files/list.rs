@@ -55,13 +55,13 @@ pub(super) fn read(path: &Path, bytes: &[u8], fov: f64) -> Result<Vec<Entry>> {
     entries.into_iter().enumerate().map(one).collect()
 }
 
-/// World to view; or what is wrong, to be said behind the entry's number, and how to mend it.
+/// World to view; or what is wrong, as text that follows the entry's number, and how to fix it.
 fn position(entry: &Listed) -> Result<DMat4, (String, &'static str)> {
     let angles = [entry.distance, entry.elevation, entry.azimuth];
     let matrices = (entry.world_to_camera.as_ref(), entry.camera_to_world.as_ref());
     let alone = entry.target.is_none() && entry.up.is_none();
     let bad = |what: String| (format!(": {what}"), "see docs/cameras.md");
-    // The lens is another field's; a camera is made here for its view alone.
+    // A camera is made here only for its view, with any lens: that of the entry is in another field.
     let any = perspective(0.5);
     let of_camera = |camera: Result<Camera>| {
         let [x, y, z] = *camera.map_err(|error| bad(error.to_string()))?.view();
@@ -80,7 +80,7 @@ fn position(entry: &Listed) -> Result<DMat4, (String, &'static str)> {
             named("world_to_camera", posed(matrix(rows), OPENCV))
         }
         (None, [None, None, None], (None, Some(rows))) if alone => {
-            // The inverse of a rotation is one; the check of the last row needs it before.
+            // `posed` tests that the inverse is a pose. It has to see a wrong last row as it is, so that is not inverted.
             let pose = matrix(rows);
             let flat = pose.row(3).to_array() == [0.0, 0.0, 0.0, 1.0];
             named("camera_to_world", posed(if flat { pose.inverse() } else { pose }, OPENCV))

@@ -14,8 +14,8 @@ use std::path::{Path, PathBuf};
 /// Camera axes as in OpenGL.
 const OPENGL: DVec3 = DVec3::new(1.0, 1.0, -1.0);
 
-/// The whole file or one of its frames, whose fields take the place of the file's. Fields that scale or bound a radiance field's
-/// scene, or tell of its making, say nothing of cameras: they are taken, typed, and not used.
+/// The whole file or one of its frames, whose fields replace the file's. Fields that scale or bound a radiance field's scene, or
+/// describe how it was made, have nothing to do with cameras: they are parsed, so that their types are tested, and not used.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 #[allow(dead_code)]

@@ -1,8 +1,8 @@
 """The interface of the official SoftRas package, on softras: `import softras.soft_renderer as sr`.
 
 Images and gradients are the official code's, its deviations from the paper's mathematics included; `exact_gradients=True`,
-which rasterizers and renderers take as well, gives the exact gradient of the same image. Tensors stay on their device, the CPU
-too. Images render alpha at once and colours when torch reads something else of them; before, their memory holds NaN there.
+which rasterizers and renderers take as well, gives the exact gradient of the same image. Tensors stay on their device, also on
+the CPU. Colours are rendered when torch first reads more of an image than its alpha; until then their memory holds NaN.
 `python -m softras.soft_renderer SCRIPT.py` runs a script of the official package as it is, without a GPU; `install()` does
 the same for a notebook.
 """

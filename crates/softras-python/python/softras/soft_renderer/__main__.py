@@ -1,5 +1,5 @@
 """Runs a program that was written for the official package: `python -m softras.soft_renderer SCRIPT.py ARGUMENTS`, or
-`python -m softras.soft_renderer -m MODULE ARGUMENTS`. `install` says what it finds otherwise than in the official package.
+`python -m softras.soft_renderer -m MODULE ARGUMENTS`. See `install` for what is different for the program.
 """
 
 from __future__ import annotations

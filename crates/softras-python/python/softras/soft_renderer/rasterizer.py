@@ -22,7 +22,7 @@ class SoftRasterizer(nn.Module):
     With `returns_info` it returns (images, p2f_info, aggrs_info), as the fork of UMR; see `functional.rasterize_info`.
     """
 
-    #: For all rasterizers, or set on one of them.
+    #: Set it on the class for all rasterizers, or on one of them.
     returns_info = False
     #: Whether a program has read the colours of the last images.
     colors_are_read = False

@@ -91,7 +91,7 @@ class SoftRenderer(nn.Module):
 class Renderer(SoftRenderer):
     """As `SoftRenderer`, with the hard rasterizer and four samples a pixel. It has no gradient by vertices but through depth.
 
-    The official package names it and cannot make it, since it has no `Rasterizer`.
+    The official package has the class but cannot construct it, since it has no `Rasterizer`.
     """
 
     def __init__(

@@ -14,7 +14,7 @@ from .mesh import Mesh
 
 
 class _Camera(nn.Module):
-    """A camera: of vertices [batch, V, 3] it returns the screen coordinates, and a mesh it moves there, as `Transform` does."""
+    """A camera. Called with vertices [batch, V, 3] it returns their screen coordinates; of a mesh it replaces the vertices by them."""
 
     def forward(self, seen) -> Any:
         if not isinstance(seen, Mesh):

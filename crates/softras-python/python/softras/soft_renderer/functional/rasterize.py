@@ -144,7 +144,8 @@ def soft_rasterize(
 
 @torch.compiler.disable
 def rasterized(vertices, faces, textures, texture_type, image_size, options, exact_gradients, state=None) -> torch.Tensor:
-    """The images of meshes on the screen. With a `state`, colours wait until they are read, unless the last images' were."""
+    """The images of meshes on the screen. With a `state`, colours are rendered when they are read; at once, if those of the last
+    images were read."""
     batch, count = len(vertices), faces.shape[-2]
     look = "surface" if texture_type == "surface" else "colors"
     given = {"positions": vertices.float(), look: textures.float()}
@@ -166,7 +167,7 @@ def rasterized(vertices, faces, textures, texture_type, image_size, options, exa
     if state is None:
         return images
     state.colors_are_read = False
-    # Not detach(): what saved alpha for its derivative does not mind colours.
+    # `data` and not `detach()`: writing colours must not count as a change of tensors that autograd saved for alpha's derivative.
     whole = images.data
 
     def read():
@@ -192,7 +193,7 @@ def _is_of_alpha(index) -> bool:
 class _Images(torch.Tensor):
     """Images [batch, 4, height, width] that call `read` before anything but their alpha or shape is read; then they are a plain tensor.
 
-    What reads the memory without torch finds NaN in colours that nothing has read.
+    A reader of the memory without torch finds NaN in place of colours that have not been read by torch.
     """
 
     @classmethod
