@@ -17,9 +17,6 @@ const SPHERE: f64 = 0.65;
 const HULL_VIEWS: usize = 8;
 /// Views from which on a sphere has more triangles.
 const FINE_SPHERE_VIEWS: usize = 6;
-/// Samples along the hull's longest side for each pixel along the shorter side of a picture, and the most of them.
-const SAMPLES_PER_PIXEL: f64 = 1.0;
-const MOST_SAMPLES: usize = 192;
 /// The length of a hull's edges in pixels, where no edge is given.
 const HULL_EDGE: f64 = 2.0;
 
@@ -96,8 +93,7 @@ fn hull(
         return Ok(None);
     }
     let (center, side) = subject.cube();
-    let size = targets.size()?;
-    match visual_hull(&targets, center, side, samples(size.0.min(size.1))) {
+    match visual_hull(&targets, center, side, subject.samples()?) {
         Ok(raw) => {
             let edge = options.edge.map_or(HULL_EDGE, |edge| edge.0) * subject.pixel;
             let hull = evened(&raw, edge)?;
@@ -118,11 +114,6 @@ fn hull(
         }
         Err(error) => Err(error),
     }
-}
-
-/// Samples along the hull's longest side for pictures of so many pixels along the shorter side.
-pub fn samples(pixels: usize) -> usize {
-    ((SAMPLES_PER_PIXEL * pixels as f64) as usize).clamp(32, MOST_SAMPLES)
 }
 
 fn placed(mesh: &Mesh, place: impl Fn(f32, usize) -> f64) -> Result<Mesh> {

@@ -1,7 +1,9 @@
 //! Compares a mesh's colours with those of the views: their error, and the one colour that fits best.
 
 use crate::{
-    finer, pooled, sized,
+    finer, pooled,
+    shape::reached,
+    sized,
     subject::{Subject, samples},
 };
 use softras::{
@@ -32,7 +34,7 @@ pub fn color_error(
     let cameras = finer(&views.cameras, samples)?;
     parts::in_batches(renderer, &scene, &cameras, &settings, |range, frame| {
         let shown = pooled(frame.color()?, samples)?;
-        let (color, silhouette) = (color.views(range.clone()), silhouette.views(range));
+        let (color, silhouette) = (reached(&color.views(range.clone()), &shown), silhouette.views(range));
         let pixels = shown.data.chunks_exact(3).zip(color.data.chunks_exact(3)).zip(&silhouette.data);
         for ((shown, wanted), _) in pixels.filter(|(_, inside)| **inside > 0.5) {
             sum += shown.iter().zip(wanted).map(|(a, b)| f64::from((a - b).abs())).sum::<f64>();

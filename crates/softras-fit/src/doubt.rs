@@ -234,7 +234,11 @@ fn fill(views: &mut Views, bounds: Sphere, notes: &mut Vec<String>) -> Result<()
         if let [first, more @ ..] = &changed[..] {
             let others = if more.is_empty() { String::new() } else { format!(" and {} more", more.len()) };
             let sum: usize = pixels.iter().sum();
-            notes.push(format!("{}{others}: {what}, {sum} pixels in all, {why}", name(views, *first)));
+            notes.push(format!(
+                "{}{others}: {what}, {sum} pixel{} in all, {why}",
+                name(views, *first),
+                if sum == 1 { "" } else { "s" }
+            ));
         }
     }
     Ok(())

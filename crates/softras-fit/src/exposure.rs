@@ -16,7 +16,7 @@ const POINTS: usize = 4000;
 const ROUNDS: usize = 200;
 /// A gain is told by at least so many points.
 const FEWEST: usize = 20;
-/// Values that say something: neither dark nor at their end.
+/// A darker value is mostly noise, and a brighter one may be at its end.
 const DARKEST: f64 = 0.01;
 const BRIGHTEST: f64 = 0.98;
 /// Gains are taken if one of them is at least this far from 1, by its logarithm, and what remains is at most this share.
@@ -43,16 +43,21 @@ pub fn leveled(
     }
     let sights = sights(subject, mesh, settings, renderer)?;
     let count = subject.views.cameras.len();
-    let (gains, before, after) = gains(&sights, count);
-    let (low, high) = gains.iter().flat_map(|g| g.to_array()).fold((0.0f64, 0.0f64), |(l, h), x| (l.min(x), h.max(x)));
+    let channels = [0, 1, 2].map(|channel| gains(&sights, channel, count));
+    let (before, after) = channels.iter().fold((0.0, 0.0), |sum, c| (sum.0 + c.1, sum.1 + c.2));
+    let (low, high) = channels.iter().flat_map(|c| &c.0).fold((0.0f64, 0.0f64), |(l, h), x| (l.min(*x), h.max(*x)));
     if low.abs().max(high) < LEAST_GAIN || after > MOST_LEFT * before {
         return Ok(false);
     }
     let level = |image: &mut Image| {
         let pixels = image.height * image.width;
         for (pixel, i) in image.data.chunks_exact_mut(3).zip(0..) {
-            let gain = (-gains[i / pixels]).exp();
-            (0..3).for_each(|k| pixel[k] = (f64::from(pixel[k]) * gain[k]) as f32);
+            for (value, channel) in pixel.iter_mut().zip(&channels) {
+                let (given, gain) = (f64::from(*value), channel.0[i / pixels]);
+                // What is at its end in one view is known from one that is darker.
+                let is_known = given < BRIGHTEST || gain < low + LEAST_GAIN;
+                *value = (if is_known { given } else { -given } * (-gain).exp()) as f32;
+            }
         }
     };
     let photographs = subject.photographs.as_mut().and_then(|views| views.color.as_mut());
@@ -70,13 +75,15 @@ pub fn disagreement(
     settings: &Settings,
     renderer: &mut Renderer,
 ) -> Result<Option<f64>> {
-    let sights = sights(subject, mesh, settings, renderer)?;
+    let mut sights = sights(subject, mesh, settings, renderer)?;
+    sights.retain(|sight| sight.log.max_element() < BRIGHTEST.ln());
     let deviation = |sights: &[Sight]| {
         let (colors, count) = (sights.iter().map(|sight| sight.log.exp()), sights.len() as f64);
         let mean = colors.clone().sum::<DVec3>() / count;
         (colors.map(|color| (color - mean).length_squared()).sum::<f64>() / (count - 1.0)).sqrt()
     };
-    let all: Vec<f64> = sights.chunk_by(|a, b| a.point == b.point).map(deviation).collect();
+    let all: Vec<f64> =
+        sights.chunk_by(|a, b| a.point == b.point).filter(|some| some.len() > 1).map(deviation).collect();
     Ok((all.len() >= FEWEST).then(|| all.iter().sum::<f64>() / all.len() as f64))
 }
 
@@ -87,8 +94,7 @@ fn sights(subject: &Subject, mesh: &Mesh, settings: &Settings, renderer: &mut Re
     for (point, (place, normal)) in surface.iter().step_by(surface.len().div_ceil(POINTS).max(1)).enumerate() {
         let log = |view: usize| {
             let (color, _) = seen.by(view, *place, *normal)?;
-            let tells = color.min_element() > DARKEST && color.max_element() < BRIGHTEST;
-            tells.then(|| Sight { point, view, log: color.map(f64::ln) })
+            (color.min_element() > DARKEST).then(|| Sight { point, view, log: color.map(f64::ln) })
         };
         let of_point: Vec<Sight> = (0..subject.views.cameras.len()).filter_map(log).collect();
         // One view alone always agrees with itself.
@@ -99,40 +105,52 @@ fn sights(subject: &Subject, mesh: &Mesh, settings: &Settings, renderer: &mut Re
     Ok(sights)
 }
 
-/// The logarithms of the gains, and the median differences of the sights without and with them.
-fn gains(sights: &[Sight], views: usize) -> (Vec<DVec3>, f64, f64) {
-    let mut gains = vec![DVec3::ZERO; views];
+/// The logarithms of the gains of a channel, and the median differences of the sights without and with them.
+///
+/// A value at its end says only that the colour is at least so bright. So it counts only where gain and colour say that it is darker.
+fn gains(sights: &[Sight], channel: usize, views: usize) -> (Vec<f64>, f64, f64) {
+    let points = sights.last().map_or(0, |last| last.point + 1);
+    let log = |sight: &Sight| sight.log[channel].min(BRIGHTEST.ln());
+    let counts = |sight: &Sight, gain: f64, color: f64| log(sight).min(gain + color) < BRIGHTEST.ln() - 1e-9;
+    let colors = |gains: &[f64], before: &[f64]| -> Vec<f64> {
+        // The sum and the number of the sights that count, and the brightest of all.
+        let mut sums = vec![(0.0, 0.0, f64::NEG_INFINITY); points];
+        for sight in sights {
+            let (gain, sum) = (gains[sight.view], &mut sums[sight.point]);
+            let value = log(sight) - gain;
+            let counted = if counts(sight, gain, before[sight.point]) { 1.0 } else { 0.0 };
+            *sum = (sum.0 + counted * value, sum.1 + counted, value.max(sum.2));
+        }
+        sums.into_iter().map(|(sum, count, most)| if count > 0.0 { sum / count } else { most }).collect()
+    };
     let mut by_view: Vec<Vec<&Sight>> = vec![Vec::new(); views];
     sights.iter().for_each(|sight| by_view[sight.view].push(sight));
-    let colors = |gains: &[DVec3]| {
-        let mut sums = vec![(DVec3::ZERO, 0.0); sights.last().map_or(0, |last| last.point + 1)];
-        for sight in sights {
-            let sum = &mut sums[sight.point];
-            *sum = (sum.0 + sight.log - gains[sight.view], sum.1 + 1.0);
-        }
-        sums.into_iter().map(|(sum, count)| sum / f64::max(count, 1.0)).collect::<Vec<DVec3>>()
+    // What is left of the sights of a view that count.
+    let left = |view: usize, gain: f64, colors: &[f64]| -> Vec<f64> {
+        let counting = by_view[view].iter().filter(|sight| counts(sight, gain, colors[sight.point]));
+        counting.map(|sight| log(sight) - gain - colors[sight.point]).collect()
     };
-    let off = |gains: &[DVec3]| {
-        let colors = colors(gains);
-        let one = |sight: &Sight| (sight.log - gains[sight.view] - colors[sight.point]).abs().element_sum();
-        let mut all: Vec<f64> = sights.iter().map(one).collect();
-        all.sort_by(f64::total_cmp);
-        all.get(all.len() / 2).copied().unwrap_or(0.0)
+    let off = |gains: &[f64], colors: &[f64]| {
+        median((0..views).flat_map(|view| left(view, gains[view], colors)).map(f64::abs).collect())
     };
-    let before = off(&gains);
+    let mut gains = vec![0.0; views];
+    let mut found = colors(&gains, &vec![f64::NEG_INFINITY; points]);
+    let before = off(&gains, &found);
     for _ in 0..ROUNDS {
-        let colors = colors(&gains);
-        for (gain, sights) in gains.iter_mut().zip(&by_view).filter(|(_, sights)| sights.len() >= FEWEST) {
-            let middle = |k: usize| {
-                let mut all: Vec<f64> = sights.iter().map(|sight| sight.log[k] - colors[sight.point][k]).collect();
-                let half = all.len() / 2;
-                *all.select_nth_unstable_by(half, f64::total_cmp).1
-            };
-            *gain = DVec3::new(middle(0), middle(1), middle(2));
+        for (view, gain) in gains.iter_mut().enumerate() {
+            let left = left(view, *gain, &found);
+            *gain += if left.len() >= FEWEST { median(left) } else { 0.0 };
         }
-        let mean = gains.iter().sum::<DVec3>() / views as f64;
+        let mean = gains.iter().sum::<f64>() / views as f64;
         gains.iter_mut().for_each(|gain| *gain -= mean);
+        found = colors(&gains, &found);
     }
-    let after = off(&gains);
+    let after = off(&gains, &found);
     (gains, before, after)
+}
+
+/// 0 of no values.
+fn median(mut values: Vec<f64>) -> f64 {
+    let half = values.len() / 2;
+    if values.is_empty() { 0.0 } else { *values.select_nth_unstable_by(half, f64::total_cmp).1 }
 }

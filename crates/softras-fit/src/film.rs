@@ -136,7 +136,7 @@ const GROUND: f32 = 0.4;
 
 /// The picture of premultiplied linear colours over the ground.
 pub fn picture(color: &[f32], alpha: &[f32], (height, width): (usize, usize)) -> Picture {
-    let byte = |c: f32, a: f32| (Curve::Srgb.encode(f64::from(c + (1.0 - a) * GROUND)) * 255.0).round() as u8;
+    let byte = |c: f32, a: f32| (Curve::Srgb.encode(f64::from(c.abs() + (1.0 - a) * GROUND)) * 255.0).round() as u8;
     let pixel = |(c, &a): (&[f32], &f32)| [byte(c[0], a), byte(c[1], a), byte(c[2], a), 255];
     Picture { width, height, pixels: color.chunks_exact(3).zip(alpha).map(pixel).collect() }
 }

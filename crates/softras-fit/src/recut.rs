@@ -8,9 +8,7 @@
 //! outlines.
 
 use crate::{
-    Fitting, ShapeFit, Topology,
-    begin::samples,
-    carved, evened, overlap, points,
+    Fitting, ShapeFit, Topology, carved, evened, overlap, points,
     scores::{mean, shape},
     unseen::Unseen,
 };
@@ -169,10 +167,9 @@ impl Fitting {
         settings: &Settings,
         renderer: &mut Renderer,
     ) -> Result<Vec<(Mesh, Found)>> {
-        let (height, width) = self.run.targets.size()?;
         let missing = self.run.targets.silhouette.as_ref().and_then(|silhouette| before.unseen.missing(silhouette));
         let (center, side) = self.subject.cube();
-        let raw = carved(&self.run.targets, mesh, missing.as_ref(), center, side, samples(height.min(width)))?;
+        let raw = carved(&self.run.targets, mesh, missing.as_ref(), center, side, self.subject.samples()?)?;
         let mut made: Vec<(Mesh, Found)> = Vec::new();
         for share in EDGES {
             let new = evened(&raw, share * edge(mesh)?)?;

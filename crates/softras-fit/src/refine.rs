@@ -6,7 +6,6 @@
 
 use crate::{
     ImageLoss, Method, Optimizer, Schedule, ShapeFit, ShapeOptions,
-    begin::samples,
     cameras::{Sphere, scaled},
     evened,
     hull::wide_hull,
@@ -16,28 +15,49 @@ use crate::{
 };
 use glam::{DMat3, DMat4, DVec3};
 use softras::{
-    Camera, CameraGradient, Projection, Renderer, Result, Scene, Settings, parts,
+    Camera, CameraGradient, Image, Projection, Renderer, Result, Scene, Settings, parts,
     scene::{Appearance, Background, Interpolation},
 };
 use softras_io::Views;
 
-/// Pixels that the hull may lie within the masks, in the mean along their outlines, where cameras are right.
-const AGREED: f64 = 0.6;
+/// Pixels that the hull may lie within the masks, in the mean along their outlines and beyond what samples leave, where cameras are right.
+const AGREED: f64 = 0.2;
 /// Views from which on a hull tells whether cameras are right.
 const FEWEST: usize = 6;
-/// Stages: pixels of the pictures a pixel, steps, sigma from and to, and the step length of cameras in pixels from and to.
-const STAGES: [(usize, usize, [f64; 2], [f64; 2]); 2] =
-    [(2, 60, [3e-4, 1e-4], [0.5, 0.1]), (1, 60, [1e-4, 1e-5], [0.2, 0.02])];
+/// The first stage finds where each camera points. What its turn about the object changes is seen only once the shape and the
+/// colours are nearly right, so that is left to the second one.
+const STAGES: [Stage; 2] = [
+    Stage { shrink: 2, steps: 40, waits: 10, sigma: (3e-4, 1e-4), rate: (0.5, 0.1), edge: 3.0, turns: false },
+    Stage { shrink: 1, steps: 140, waits: 25, sigma: (1e-4, 1e-5), rate: (0.3, 0.02), edge: 1.5, turns: true },
+];
 /// The smallest side of a picture of fewer pixels.
 const LEAST_SIDE: usize = 32;
 /// How much larger the hull is that a stage begins with, as a multiple of the disagreement.
 const SLACK: f64 = 1.5;
-/// Edges of the mesh, in pixels of a stage.
-const EDGE: f64 = 3.0;
 /// Step length of the mesh's vertices, in pixels of the pictures.
 const RATE: f64 = 0.7;
 /// The weight of the mean square of cameras' motions in pixels, which keeps what the views do not tell.
 const PRIOR: f64 = 1e-5;
+/// The weight of the loss of colours, and their step length.
+const COLOR_WEIGHT: f64 = 5.0;
+const COLOR_RATE: f64 = 0.03;
+
+/// A part of the refinement.
+struct Stage {
+    /// Pixels of the pictures along a side of its pixels.
+    shrink: usize,
+    steps: usize,
+    /// Steps of the mesh alone, before the cameras move.
+    waits: usize,
+    /// From the first to the last step.
+    sigma: (f64, f64),
+    /// Step length of the cameras in pixels of the pictures.
+    rate: (f64, f64),
+    /// Edges of its first mesh, in its pixels.
+    edge: f64,
+    /// Whether cameras turn about the object, or only shift.
+    turns: bool,
+}
 
 /// Refines the cameras of views that do not agree, and notes by how much.
 pub fn refined(subject: &mut Subject, notes: &mut Vec<String>, renderer: &mut Renderer) -> Result<()> {
@@ -49,44 +69,22 @@ pub fn refined(subject: &mut Subject, notes: &mut Vec<String>, renderer: &mut Re
     {
         return Ok(());
     }
-    let Some(off) = disagreement(subject, renderer)? else { return Ok(()) };
-    if off < AGREED {
+    let Some((off, silhouette)) = disagreement(subject, &subject.views, renderer)? else { return Ok(()) };
+    // The silhouettes of a hull agree. What its own hull leaves open is due to samples, as where the object is thin.
+    let of_hull = Views { cameras: subject.views.cameras.clone(), silhouette: Some(silhouette), ..Views::default() };
+    let by_samples = disagreement(subject, &of_hull, renderer)?.map_or(0.0, |(off, _)| off);
+    if off - by_samples < AGREED {
         return Ok(());
     }
     let given = subject.views.cameras.clone();
     let mut motions = Motions::new(&given, subject.bounds, subject.pixel);
-    for (shrink, steps, sigma, rate) in STAGES {
-        let mut views = shrunk(&subject.views, shrink)?;
-        let base = views.cameras.clone();
-        views.cameras = motions.cameras(&base)?;
-        let pixel = subject.pixel * shrink as f64;
-        let (center, side) = subject.cube();
-        let (height, width) = views.size()?;
-        let start =
-            wide_hull(&views, center, side, height.min(width).clamp(LEAST_SIDE, 96), SLACK * off * subject.pixel);
-        let Ok(Some(start)) = start else { return Ok(()) };
-        let mut start = evened(&start, EDGE * pixel)?;
-        if views.color.is_some() {
-            let grey = vec![[0.5; 3]; start.positions().len()];
-            start = start.with_appearance(Appearance::VertexColors(grey))?;
-        }
-        let shape_options =
-            ShapeOptions { fit_colors: views.color.is_some(), color: (ImageLoss::L1, 3.0), ..ShapeOptions::smooth() };
-        let mut shape = ShapeFit::new(start, subject.lights.clone(), shape_options)?;
-        let mut optimizer =
-            Optimizer::new(Method::UniformAdam { betas: [0.9, 0.999], epsilon: 1e-12 }, motions.values.len());
-        for step in 0..steps {
-            let at = |[from, to]: [f64; 2]| Schedule::from((from, to)).at_step(step, steps);
-            let settings = Settings { sigma: at(sigma), ..settings(subject) };
-            views.cameras = motions.cameras(&base)?;
-            let by_cameras = shape.step_with_cameras(renderer, &settings, &views, (RATE * subject.pixel, 0.03))?;
-            let gradient = motions.gradient(&given, &by_cameras);
-            optimizer.step(&mut motions.values, &gradient, at(rate));
-            motions.fix_gauge(&given);
+    for stage in STAGES {
+        if !stage.refine(&mut motions, subject, off, renderer)? {
+            return Ok(());
         }
     }
     subject.views.cameras = motions.cameras(&given)?;
-    let after = disagreement(subject, renderer)?;
+    let after = disagreement(subject, &subject.views, renderer)?.map(|(after, _)| after);
     if after.is_none_or(|after| after > 0.9 * off) {
         subject.views.cameras = given;
         return Ok(());
@@ -97,6 +95,49 @@ pub fn refined(subject: &mut Subject, notes: &mut Vec<String>, renderer: &mut Re
          inside the silhouettes, before {off:.1}"
     ));
     Ok(())
+}
+
+impl Stage {
+    /// Moves the cameras of an object together with a mesh that begins as its hull, wider by the disagreement in pixels. Whether
+    /// there is one.
+    fn refine(&self, motions: &mut Motions, subject: &Subject, off: f64, renderer: &mut Renderer) -> Result<bool> {
+        let given = &subject.views.cameras;
+        let mut views = shrunk(&subject.views, self.shrink)?;
+        let base = views.cameras.clone();
+        views.cameras = motions.cameras(&base)?;
+        let (center, side) = subject.cube();
+        let (height, width) = views.size()?;
+        let resolution = height.min(width).clamp(LEAST_SIDE, 96);
+        let Ok(Some(start)) = wide_hull(&views, center, side, resolution, SLACK * off * subject.pixel) else {
+            return Ok(false);
+        };
+        let mut start = evened(&start, self.edge * subject.pixel * self.shrink as f64)?;
+        if views.color.is_some() {
+            let grey = vec![[0.5; 3]; start.positions().len()];
+            start = start.with_appearance(Appearance::VertexColors(grey))?;
+        }
+        let options = ShapeOptions {
+            fit_colors: views.color.is_some(),
+            color: (ImageLoss::L1, COLOR_WEIGHT),
+            ..ShapeOptions::smooth()
+        };
+        let mut shape = ShapeFit::new(start, subject.lights.clone(), options)?;
+        let mut optimizer =
+            Optimizer::new(Method::UniformAdam { betas: [0.9, 0.999], epsilon: 1e-12 }, motions.values.len());
+        for step in 0..self.steps {
+            let at = |range: (f64, f64)| Schedule::from(range).at_step(step, self.steps);
+            let settings = Settings { sigma: at(self.sigma), ..settings(subject) };
+            views.cameras = motions.cameras(&base)?;
+            let by_cameras =
+                shape.step_with_cameras(renderer, &settings, &views, (RATE * subject.pixel, COLOR_RATE))?;
+            if step >= self.waits {
+                let gradient = motions.gradient(given, &by_cameras, self.turns);
+                optimizer.step(&mut motions.values, &gradient, at(self.rate));
+                motions.fix_gauge(given);
+            }
+        }
+        Ok(true)
+    }
 }
 
 /// The settings of an object's views before its fit.
@@ -111,28 +152,27 @@ pub fn settings(subject: &Subject) -> Settings {
     }
 }
 
-/// How far the hull of the views lies within their silhouettes, pixels in the mean along the outlines; `None` without a hull.
-fn disagreement(subject: &Subject, renderer: &mut Renderer) -> Result<Option<f64>> {
-    let views = &subject.views;
+/// How far the hull of views lies within their silhouettes, pixels in the mean along the outlines, and its own silhouettes; `None`
+/// without a hull.
+fn disagreement(subject: &Subject, views: &Views, renderer: &mut Renderer) -> Result<Option<(f64, Image)>> {
     let Some(silhouettes) = &views.silhouette else { return Ok(None) };
     let (center, side) = subject.cube();
-    let resolution = samples(silhouettes.height.min(silhouettes.width));
-    let Ok(Some(hull)) = wide_hull(views, center, side, resolution, 0.0) else { return Ok(None) };
+    let Ok(Some(hull)) = wide_hull(views, center, side, subject.samples()?, 0.0) else { return Ok(None) };
     let settings = hard(&settings(subject), views.size()?, 1);
-    let (mut open, mut outline) = (0usize, 0usize);
-    let width = silhouettes.width;
-    parts::in_batches(renderer, &Scene::new(hull), &views.cameras, &settings, |some, frame| {
-        let image = frame.silhouette()?;
-        for (at, view) in some.enumerate() {
-            let (target, shown) = (silhouettes.view(view), image.view(at));
-            let inside = |i: usize| target[i] > 0.5;
-            open += (0..target.len()).filter(|&i| inside(i) && shown[i] <= 0.5).count();
-            let edges = |step: usize, i: &usize| i + step < target.len() && inside(*i) != inside(i + step);
-            outline += (0..target.len()).filter(|i| edges(1, i) || edges(width, i)).count();
-        }
+    let mut shown = Image { data: Vec::with_capacity(silhouettes.data.len()), ..*silhouettes };
+    parts::in_batches(renderer, &Scene::new(hull), &views.cameras, &settings, |_, frame| {
+        shown.data.extend_from_slice(&frame.silhouette()?.data);
         Ok(())
     })?;
-    Ok((outline > 0).then(|| open as f64 / outline as f64))
+    let (mut open, mut outline) = (0usize, 0usize);
+    for view in 0..silhouettes.batch {
+        let (target, shown, width) = (silhouettes.view(view), shown.view(view), silhouettes.width);
+        let inside = |i: usize| target[i] > 0.5;
+        open += (0..target.len()).filter(|&i| inside(i) && shown[i] <= 0.5).count();
+        let edges = |step: usize, i: &usize| i + step < target.len() && inside(*i) != inside(i + step);
+        outline += (0..target.len()).filter(|i| edges(1, i) || edges(width, i)).count();
+    }
+    Ok((outline > 0).then(|| (open as f64 / outline as f64, shown)))
 }
 
 /// The views with fewer pixels, where they stay large enough.
@@ -142,7 +182,7 @@ fn shrunk(views: &Views, times: usize) -> Result<Views> {
     if times == 1 || !is_whole || height.min(width) / times < LEAST_SIDE {
         return Ok(views.clone());
     }
-    let small = |image: &Option<softras::Image>| image.as_ref().map(|image| pooled(image, times)).transpose();
+    let small = |image: &Option<Image>| image.as_ref().map(|image| pooled(image, times)).transpose();
     let small_camera = |camera: &Camera| scaled(camera, [1.0 / times as f64; 2]);
     let cameras = views.cameras.iter().map(small_camera).collect::<Result<Vec<_>>>()?;
     Ok(Views { cameras, silhouette: small(&views.silhouette)?, color: small(&views.color)?, ..Views::default() })
@@ -177,13 +217,13 @@ impl Motions {
         given.iter().enumerate().map(moved).collect()
     }
 
-    /// The gradient by the values, with that of the prior.
-    fn gradient(&self, given: &[Camera], by_cameras: &[CameraGradient]) -> Vec<f64> {
+    /// The gradient by the values, with that of the prior; 0 by the rotations unless cameras turn.
+    fn gradient(&self, given: &[Camera], by_cameras: &[CameraGradient], turns: bool) -> Vec<f64> {
         let one = |(i, by): (usize, &CameraGradient)| {
             let [shift, turn] = [0, 3].map(|k| DVec3::from_slice(&by.twist[k..]));
             let center = given[i].to_view(self.bounds.center) + self.of(i)[1];
             let turn = (turn - center.cross(shift)) * self.pixel / self.bounds.radius;
-            [turn, shift * self.pixel].map(|v| v.to_array())
+            [if turns { turn } else { DVec3::ZERO }, shift * self.pixel].map(|v| v.to_array())
         };
         let gradients = by_cameras.iter().enumerate().flat_map(one).flatten();
         let prior = PRIOR / given.len() as f64;

@@ -64,7 +64,9 @@ impl<'a> Seen<'a> {
         let masks = self.views.silhouette.as_ref();
         let is_inside = masks.is_none_or(|masks| sample(masks, view, 0, column, row) >= COVERED);
         let channel = |k: usize| sample(color, view, k, column, row);
-        is_inside.then(|| (DVec3::new(channel(0), channel(1), channel(2)), cosine))
+        // A colour that is only known to be bright is below 0.
+        let color = DVec3::new(channel(0), channel(1), channel(2));
+        (is_inside && color.min_element() >= 0.0).then_some((color, cosine))
     }
 
     /// The length of a pixel at a point.

@@ -14,6 +14,9 @@ use softras_io::{Map, Views};
 const SAMPLES: usize = 3;
 /// The most samples of a view, which an image in a buffer of any device can have. Pixels of larger views have fewer samples.
 const MOST_SAMPLES: usize = 8_000_000;
+/// The fewest and the most samples along the longest side of a hull.
+const LEAST_HULL: usize = 32;
+const MOST_HULL: usize = 192;
 
 /// Views of an object, and what is known of it besides.
 #[derive(Clone, Debug)]
@@ -54,6 +57,13 @@ impl Subject {
     /// The centre and the side of the cube that a hull is carved in.
     pub(crate) fn cube(&self) -> ([f64; 3], f64) {
         (self.bounds.center.to_array(), 2.0 * self.bounds.radius)
+    }
+
+    /// Samples along the longest side of a hull: one for each pixel that the object may take in a picture.
+    pub(crate) fn samples(&self) -> Result<usize> {
+        let (height, width) = self.views.size()?;
+        let across = 2.0 * self.bounds.radius / self.pixel;
+        Ok((across as usize).clamp(height.min(width), height.max(width)).clamp(LEAST_HULL, MOST_HULL))
     }
 
     /// Gives the photographs the positions of the views' cameras.

@@ -1,6 +1,11 @@
 //! A fit of the texels of a mesh with one texture, whose shape stays.
 
-use crate::{ImageLoss, Method, Optimizer, finer, pooled, pooled_gradient, setup::Setup, shape::colors, sized};
+use crate::{
+    ImageLoss, Method, Optimizer, finer, pooled, pooled_gradient,
+    setup::Setup,
+    shape::{colors, reached},
+    sized,
+};
 use softras::{
     Error, GradientRequest, Image, ImageGradient, Lights, Mesh, Renderer, Result, Scene, Settings, parts,
     scene::Outputs,
@@ -86,7 +91,8 @@ impl<'a> Texels<'a> {
         let cameras = finer(&self.targets.cameras[views], SAMPLES)?;
         let frame = renderer.render_saved(&self.scene, &cameras, &self.settings)?;
         let shown = frame.color()?;
-        let loss = ImageLoss::L1.evaluate(&pooled(shown, SAMPLES)?, &color, Some(&weights))?;
+        let coarse = pooled(shown, SAMPLES)?;
+        let loss = ImageLoss::L1.evaluate(&coarse, &reached(&color, &coarse), Some(&weights))?;
         let upstream = pooled_gradient(shown, &loss.gradient, SAMPLES, share)?;
         let wanted = GradientRequest { texels: true, ..GradientRequest::NOTHING };
         let mut gradients = renderer.backward(&frame, &ImageGradient::color(upstream), &wanted)?;

@@ -4,8 +4,7 @@
 //! have another colour in each view.
 
 use crate::{
-    begin::samples, cameras, evened, exposure::disagreement, hull::wide_hull, refine::settings, signed_distance,
-    subject::Subject,
+    cameras, evened, exposure::disagreement, hull::wide_hull, refine::settings, signed_distance, subject::Subject,
 };
 use softras::{Renderer, Result};
 use softras_io::Views;
@@ -14,7 +13,7 @@ use softras_io::Views;
 const FEWEST: usize = 8;
 /// The most pixels that masks are narrowed by, and the steps in which that is looked for.
 const MOST: f64 = 6.0;
-const STEP: f64 = 0.5;
+const STEPS: [f64; 2] = [0.5, 0.25];
 /// Masks are narrowed if colours then differ by at most this share.
 const MOST_LEFT: f64 = 0.8;
 /// Edges of the hull, in pixels.
@@ -26,9 +25,8 @@ pub fn narrowed(subject: &mut Subject, notes: &mut Vec<String>, renderer: &mut R
         return Ok(());
     }
     let differ = |by: f64, renderer: &mut Renderer| -> Result<Option<f64>> {
-        let (height, width) = subject.views.size()?;
         let ((center, side), pixel) = (subject.cube(), subject.pixel);
-        let hull = wide_hull(&subject.views, center, side, samples(height.min(width)), -by * pixel);
+        let hull = wide_hull(&subject.views, center, side, subject.samples()?, -by * pixel);
         let Ok(Some(hull)) = hull else { return Ok(None) };
         disagreement(subject, &evened(&hull, EDGE * pixel)?, &settings(subject), renderer)
     };
@@ -40,8 +38,10 @@ pub fn narrowed(subject: &mut Subject, notes: &mut Vec<String>, renderer: &mut R
     {
         (best, by) = ((left, by), by + 1.0);
     }
-    for by in [best.1 - STEP, best.1 + STEP].into_iter().filter(|by| *by > STEP) {
-        best = differ(by, renderer)?.filter(|left| *left < best.0).map_or(best, |left| (left, by));
+    for step in STEPS {
+        for by in [best.1 - step, best.1 + step].into_iter().filter(|by| *by > step) {
+            best = differ(by, renderer)?.filter(|left| *left < best.0).map_or(best, |left| (left, by));
+        }
     }
     let (left, by) = best;
     if by == 0.0 || left > MOST_LEFT * given {

@@ -42,10 +42,6 @@ pub struct Plan<'py> {
 pub const LOSSES: [(&str, ImageLoss); 3] =
     [("iou", ImageLoss::NegativeIou), ("l1", ImageLoss::L1), ("l2", ImageLoss::L2)];
 
-fn schedule((from, to): (f64, f64)) -> Schedule {
-    if from == to { Schedule::Constant(from) } else { Schedule::Exponential { from, to } }
-}
-
 impl Plan<'_> {
     fn targets(&self) -> PyResult<Views> {
         let silhouette = self.silhouette.as_ref().map(|value| image(value, "silhouette", 1)).transpose()?;
@@ -86,8 +82,8 @@ impl Plan<'_> {
     /// The settings of a step.
     fn at(&self, base: &Settings, step: usize) -> Settings {
         Settings {
-            sigma: schedule(self.sigma).at_step(step, self.steps),
-            gamma: schedule(self.gamma).at_step(step, self.steps),
+            sigma: Schedule::from(self.sigma).at_step(step, self.steps),
+            gamma: Schedule::from(self.gamma).at_step(step, self.steps),
             ..base.clone()
         }
     }
@@ -125,7 +121,8 @@ pub fn fit<'py>(
     let mut losses: Vec<StepLosses> = Vec::with_capacity(plan.steps);
     for step in 0..plan.steps {
         let settings = plan.at(&base, step);
-        let [rate, color_rate] = [plan.rate, plan.color_rate].map(|rate| schedule(rate).at_step(step, plan.steps));
+        let [rate, color_rate] =
+            [plan.rate, plan.color_rate].map(|rate| Schedule::from(rate).at_step(step, plan.steps));
         let found = shared.call(py, |renderer| fit.step(renderer, &settings, rate, color_rate))?;
         py.check_signals()?;
         if let Some(progress) = &progress {

@@ -80,11 +80,17 @@ def endless_pose(cube_views, **given):
     softras.pose(softras.shapes.cube(), views(6)[0], **one, starts=2, steps=1_000_000, **given)
 
 
+@pytest.fixture
+def heeds_ctrl_c():
+    """A shell has its background jobs ignore the signal, and Python leaves it so: the work would never end."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 @pytest.mark.skipif(not hasattr(signal, "pthread_kill"), reason="this system cannot send the signal")
 @pytest.mark.parametrize("endless", [endless_fit, endless_pose])
-def test_ctrl_c_ends_it(cube_views, endless):
-    # A shell has its background jobs ignore the signal, and Python leaves it so: the search would never end.
-    ignored = signal.signal(signal.SIGINT, signal.default_int_handler)
+def test_ctrl_c_ends_it(heeds_ctrl_c, cube_views, endless):
     main, before = threading.main_thread().ident, softras.render(softras.shapes.cube(), views(2)).color
     timer = threading.Timer(0.5, lambda: signal.pthread_kill(main, signal.SIGINT))
     timer.start()
@@ -93,7 +99,6 @@ def test_ctrl_c_ends_it(cube_views, endless):
             endless(cube_views)
     finally:
         timer.join()
-        signal.signal(signal.SIGINT, ignored)
     np.testing.assert_array_equal(softras.render(softras.shapes.cube(), views(2)).color, before)
 
 
@@ -159,7 +164,7 @@ def test_a_check_finds_the_device_right(renderer):
     assert any("positions" in one.gradients for one in found) and any("depth" in one.images for one in found)
 
 
-def test_remeshing_stops_at_ctrl_c():
+def test_remeshing_stops_at_ctrl_c(heeds_ctrl_c):
     ball, before = softras.shapes.icosphere(3), len(os.listdir("/proc/self/task"))
     timer = threading.Timer(0.3, signal.raise_signal, [signal.SIGINT])
     timer.start()

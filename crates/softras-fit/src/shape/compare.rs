@@ -42,7 +42,8 @@ pub fn compare(frame: &Frame, targets: &Views, options: &ShapeOptions) -> Result
         (losses.silhouette, by.silhouette) = (value, Some(gradient));
     }
     if let (Ok(rendered), Some(target)) = (frame.color(), &targets.color) {
-        let (value, gradient) = loss(&*shrunk(rendered, options)?, rendered, target, options.color, options)?;
+        let shown = shrunk(rendered, options)?;
+        let (value, gradient) = loss(&shown, rendered, &reached(target, &shown), options.color, options)?;
         (losses.color, by.color) = (value, Some(gradient));
     }
     if let (Ok(rendered), Some(target)) = (frame.normal(), &targets.normal) {
@@ -113,6 +114,12 @@ fn loss(
         gradient.data.iter_mut().for_each(|g| *g *= weight as f32);
     }
     Ok((value, gradient))
+}
+
+/// A target of colours in which those that are only known to be bright are as bright as an image, where that is bright enough.
+pub fn reached(target: &Image, shown: &Image) -> Image {
+    let one = |(target, shown): (&f32, &f32)| if *target < 0.0 { shown.max(-target) } else { *target };
+    Image { data: target.data.iter().zip(&shown.data).map(one).collect(), ..*target }
 }
 
 /// Whether each pixel of a target shows the surface and nothing beside it. A value that is 0 in all channels or not finite is not

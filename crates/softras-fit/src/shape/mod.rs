@@ -6,7 +6,7 @@ mod options;
 mod parametrization;
 mod turn;
 
-pub(super) use compare::{known, masked};
+pub(super) use compare::{known, masked, reached};
 pub use options::ShapeOptions;
 pub use parametrization::Parametrization;
 

@@ -20,7 +20,7 @@ pub struct Views {
     pub cameras: Vec<Camera>,
     /// `[views, height, width, 1]`.
     pub silhouette: Option<Image>,
-    /// `[views, height, width, 3]`, linear, over black.
+    /// `[views, height, width, 3]`, linear, over black. A value below 0 says that it is at least its opposite.
     pub color: Option<Image>,
     /// `[views, height, width, 1]`: the view depth, in world units, of the surface that a pixel shows; 0, or what is not finite,
     /// where it is not known. Only pixels that the silhouette covers wholly are compared.
@@ -229,7 +229,7 @@ fn arrays(options: &ViewsOptions, path: &Path, budget: &Budget) -> Result<Views>
     if sizes.contains(&0) {
         return refuse(path, format!("has shape {:?}", array.shape), "give at least one pixel");
     }
-    claim_pixels(options, budget, path, (batch * height * width) as u64)?;
+    (0..batch).try_for_each(|_| claim_pixels(options, budget, path, (height * width) as u64))?;
     let values = npy::numbers(path, &array)?;
     let scale = if array.dtype() == "uint8" { 255.0 } else { 1.0 };
     let mut pixels = Pixels::new(options.color);

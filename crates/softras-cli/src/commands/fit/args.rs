@@ -280,7 +280,7 @@ pub struct MethodArgs {
     /// Number of steps [default: 500, and 150 from a hull]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     pub iterations: Option<u32>,
-    /// Begin with a sphere of so many subdivisions [default: 3]
+    /// Begin with a sphere of so many subdivisions [default: 3, or 4 from six views on]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=7))]
     pub subdivisions: Option<u32>,
     /// Step length: one number, or FIRST..LAST: 0.02..0.002
