@@ -31,8 +31,10 @@ const FULL: f64 = 0.995;
 const LARGEST_HOLE: f64 = 0.1;
 /// Pixels of a small hole and of a speck, at most.
 const SMALL: usize = 32;
-/// A hole is seen by at least this many times more other views than by chance.
-const FACTOR: f64 = 8.0;
+/// Places along the ray through a hole where it may meet holes of other views by chance.
+const PLACES: f64 = 12.0;
+/// A hole is believed where fewer holes than this are expected to meet so many others by chance.
+const BY_CHANCE: f64 = 0.5;
 
 /// Leaves out the views that are empty, full, or do not agree with the others, at most a quarter of them, and fills small holes that
 /// one mask alone has. Each is noted. Fewer than six views stay as they are. Returns the numbers of the views that stay.
@@ -190,71 +192,99 @@ fn fill(views: &mut Views, bounds: Sphere, notes: &mut Vec<String>) -> Result<()
         return Ok(());
     }
     let area = |view: usize| silhouettes.view(view).iter().filter(|x| **x > 0.5).count() as f64;
-    // How many views look through their small holes at a point of the object by chance.
-    let by_chance: f64 = (0..count).map(|view| holes[view].small() / area(view).max(1.0)).sum();
-    let needed = 1 + (FACTOR * by_chance) as usize;
-    let all = pictures(views, 1)?;
-    let grid = Samples::new(bounds.center - bounds.radius, 2.0 * bounds.radius, RESOLUTION);
-    // For each view and hole the most views that look through at one point, and for each speck whether the hull has a point there.
-    let [mut through, mut beside] = [&holes, &specks]
-        .map(|spots| spots.iter().map(|spots| vec![0; spots.pixels.len()]).collect::<Vec<Vec<usize>>>());
-    for point in (0..grid.values.len()).map(|i| grid.position(i)) {
-        let near = |spots: &[Spots]| -> Vec<(usize, usize)> {
-            let one = |view: usize| Some((view, spots[view].near(all[view].pixel(point)?, size)?));
-            (0..count).filter_map(one).collect()
-        };
-        let most = |seen: Vec<(usize, usize)>, of: &mut [Vec<usize>]| {
-            let count = seen.len();
-            seen.into_iter().for_each(|(view, spot)| of[view][spot] = of[view][spot].max(count));
-        };
-        most(near(&holes), &mut through);
-        let shown = near(&specks);
-        if !shown.is_empty() && all.iter().all(|view| view.outline_distance(point).is_none_or(|d| d > -grid.step)) {
-            most(shown, &mut beside);
-        }
-    }
-    drop(all);
     let areas: Vec<f64> = (0..count).map(area).collect();
-    let Some(silhouettes) = &mut views.silhouette else { return Ok(()) };
+    let needed = needed(&holes, &areas);
+    let [through, beside] = meetings(views, bounds, [&holes, &specks])?;
+    let Views { silhouette: Some(silhouettes), color, .. } = views else { return Ok(()) };
     let (mut pierced, mut specked) = (Vec::new(), Vec::new());
     for (view, mask) in silhouettes.data.chunks_exact_mut(height * width).enumerate() {
         let is_alone = |at: &usize| {
             through[view][*at] <= needed && holes[view].pixels[*at].len() as f64 <= LARGEST_HOLE * areas[view]
         };
         let is_speck = |at: &usize| beside[view][*at] == 0;
-        pierced.push(paint(mask, &holes[view], is_alone, 1.0, size));
-        specked.push(paint(mask, &specks[view], is_speck, 0.0, size));
+        let (filled, count) = paint(mask, &holes[view], is_alone, 1.0, size);
+        // The colours behind a hole are not known: at least black.
+        let first = view * height * width;
+        if let Some(color) = color {
+            let unknown = |pixel: &usize| color.data[3 * (first + pixel)..][..3].fill(-f32::MIN_POSITIVE);
+            filled.iter().for_each(unknown);
+        }
+        pierced.push(count);
+        specked.push(paint(mask, &specks[view], is_speck, 0.0, size).1);
     }
     let told = [
         (pierced, "holes", "that too few other pictures look through are filled"),
         (specked, "specks", "that the other pictures leave no room for are taken away"),
     ];
-    for (pixels, what, why) in told {
-        let changed: Vec<usize> = (0..count).filter(|view| pixels[*view] > 0).collect();
-        if let [first, more @ ..] = &changed[..] {
-            let others = if more.is_empty() { String::new() } else { format!(" and {} more", more.len()) };
-            let sum: usize = pixels.iter().sum();
-            notes.push(format!(
-                "{}{others}: {what}, {sum} pixel{} in all, {why}",
-                name(views, *first),
-                if sum == 1 { "" } else { "s" }
-            ));
-        }
-    }
+    notes.extend(told.into_iter().filter_map(|(pixels, what, why)| {
+        let first = pixels.iter().position(|count| *count > 0)?;
+        let (sum, more) = (pixels.iter().sum::<usize>(), pixels.iter().filter(|count| **count > 0).count() - 1);
+        let others = if more == 0 { String::new() } else { format!(" and {more} more") };
+        let plural = if sum == 1 { "" } else { "s" };
+        Some(format!("{}{others}: {what}, {sum} pixel{plural} in all, {why}", name(views, first)))
+    }));
     Ok(())
 }
 
-/// Gives the pixels of some spots of a mask a value, and those beside them that are neither inside nor outside. Returns the number
-/// of the spots' pixels.
-fn paint(mask: &mut [f32], spots: &Spots, is_some: impl Fn(&usize) -> bool, value: f32, size: (usize, usize)) -> usize {
-    let some: Vec<usize> =
-        (0..spots.pixels.len()).filter(is_some).flat_map(|spot| spots.pixels[spot].iter().copied()).collect();
-    for pixel in some.iter().flat_map(|pixel| pixels_around(*pixel, size, true)) {
-        let is_edge = (mask[pixel] > 0.5) == (value > 0.5) && spots.of_pixel[pixel] == 0;
-        mask[pixel] = if is_edge && mask[pixel] != value { value } else { mask[pixel] };
+/// For each view and hole the most views that look through theirs at one point. For each view and speck the most that show theirs at
+/// one point of the hull; 0 where the hull has no point there.
+fn meetings(views: &Views, bounds: Sphere, spots: [&[Spots]; 2]) -> Result<[Vec<Vec<usize>>; 2]> {
+    let (all, size) = (pictures(views, 1)?, views.size()?);
+    let grid = Samples::new(bounds.center - bounds.radius, 2.0 * bounds.radius, RESOLUTION);
+    let mut met = spots.map(|spots| spots.iter().map(|spots| vec![0; spots.pixels.len()]).collect::<Vec<_>>());
+    for point in (0..grid.values.len()).map(|i| grid.position(i)) {
+        let is_inside = || all.iter().all(|view| view.outline_distance(point).is_none_or(|d| d > -grid.step));
+        for (k, spots) in spots.iter().enumerate() {
+            let one = |view: usize| Some((view, spots[view].near(all[view].pixel(point)?, size)?));
+            let shown: Vec<(usize, usize)> = (0..all.len()).filter_map(one).collect();
+            if !shown.is_empty() && (k == 0 || is_inside()) {
+                let most = |(view, spot): &(usize, usize)| met[k][*view][*spot] = shown.len().max(met[k][*view][*spot]);
+                shown.iter().for_each(most);
+            }
+        }
     }
-    some.iter().for_each(|pixel| mask[*pixel] = value);
-    some.len()
+    Ok(met)
+}
+
+/// How many other views must look through a small hole for it to be believed: so many that fewer than [`BY_CHANCE`] holes are expected
+/// to have them by chance, given how much of the masks' areas is in small holes.
+fn needed(holes: &[Spots], areas: &[f64]) -> usize {
+    let shares: Vec<f64> = holes.iter().zip(areas).map(|(spots, area)| spots.small() / area.max(1.0)).collect();
+    let counts: Vec<f64> =
+        holes.iter().map(|spots| spots.pixels.iter().filter(|spot| spot.len() <= SMALL).count() as f64).collect();
+    let (all, sum) = (counts.iter().sum::<f64>().max(1.0), shares.iter().sum::<f64>());
+    // The other views that look through their small holes at a point of the object, in the mean.
+    let mean = counts.iter().zip(&shares).map(|(count, own)| count * (sum - own)).sum::<f64>() / all;
+    // Two holes that meet are believed. The terms and the tail of Poisson's distribution.
+    let (mut share, mut tail, mut views) = ((-mean).exp(), 1.0, 0);
+    while views == 0 || all > 2.0 && views < holes.len() && PLACES * all * tail > BY_CHANCE {
+        views += 1;
+        tail -= share;
+        share *= mean / views as f64;
+    }
+    views
+}
+
+/// Gives the pixels of some spots of a mask a value, and those beside them that are neither inside nor outside. Returns the
+/// pixels, and how many of them are of the spots.
+fn paint(
+    mask: &mut [f32],
+    spots: &Spots,
+    is_some: impl Fn(&usize) -> bool,
+    value: f32,
+    size: (usize, usize),
+) -> (Vec<usize>, usize) {
+    let mut painted: Vec<usize> =
+        (0..spots.pixels.len()).filter(is_some).flat_map(|spot| spots.pixels[spot].iter().copied()).collect();
+    let count = painted.len();
+    painted.iter().for_each(|pixel| mask[*pixel] = value);
+    for beside in painted.clone().into_iter().flat_map(|pixel| pixels_around(pixel, size, true)) {
+        if (mask[beside] > 0.5) == (value > 0.5) && spots.of_pixel[beside] == 0 && mask[beside] != value {
+            mask[beside] = value;
+            painted.push(beside);
+        }
+    }
+    (painted, count)
 }
 
 /// Holes or specks of a mask.

@@ -22,6 +22,12 @@ fn a_file_is_not_written_under_the_ending_of_another_format() {
 }
 
 #[test]
+fn a_stress_test_of_nothing_is_not_passed() {
+    let folder = tempfile::tempdir().unwrap();
+    fails(folder.path(), &["stress", "--cases", "0"], 2, &["--cases 0", "nothing would be tested", "--map"]);
+}
+
+#[test]
 fn only_fish_and_torus_have_a_detail() {
     let folder = tempfile::tempdir().unwrap();
     let line = ["mesh", "mug", "--detail", "2", "-o", "m.obj"];

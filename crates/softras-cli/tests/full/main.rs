@@ -1,4 +1,4 @@
-//! The full tier of the command: fits to their end, the commands of README and docs, load.
+//! The full tier of the command: fits to their end, the commands of README and docs.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 #[allow(dead_code, reason = "shared with the tests of the quick tier")]
@@ -6,5 +6,4 @@
 mod command;
 mod hollow;
 mod pages;
-mod stress;
 mod topology;

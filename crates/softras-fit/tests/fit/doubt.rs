@@ -59,6 +59,30 @@ fn a_wrong_view_is_left_out_by_its_name_and_a_right_one_stays() {
     assert_eq!(notes(wrong, &mut renderer).len(), 2);
 }
 
+/// Four small holes in each mask, of which some meet others by chance.
+#[test]
+fn holes_in_all_masks_drill_no_tunnel() {
+    let mut renderer = renderer();
+    let mut pierced = views(&mut renderer, &solid(), around(16), (64, 64));
+    let mut random = 1u32;
+    for mask in masks(&mut pierced).data.chunks_exact_mut(64 * 64) {
+        let mut holes = 0;
+        while holes < 4 {
+            random = random.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            let (row, column) = ((random >> 16) as usize % 60 + 1, (random >> 24) as usize % 60 + 1);
+            let around = |size: usize| (0..size * size).map(move |i| (row + i / size - 1) * 64 + column + i % size - 1);
+            if around(4).all(|pixel| mask[pixel] > 0.5) {
+                (0..4).for_each(|i| mask[(row + i / 2) * 64 + column + i % 2] = 0.0);
+                holes += 1;
+            }
+        }
+    }
+    let fitting = Fit::new(pierced).unwrap().begin(&mut renderer).unwrap();
+    let (vertices, triangles) = (fitting.mesh().positions().len(), fitting.mesh().triangles().len());
+    // The number of Euler of a closed surface without a tunnel.
+    assert_eq!(vertices - triangles / 2, 2);
+}
+
 #[test]
 fn a_hole_needs_two_pictures() {
     let mut renderer = renderer();

@@ -4,7 +4,7 @@ use crate::common::renderer;
 use crate::doubt::{around, solid, views};
 use crate::meshes::{PERSPECTIVE, mapped};
 use glam::{DMat4, DVec3};
-use softras::{Camera, Projection, Renderer, Scene, Settings, scene::Appearance, shapes};
+use softras::{Camera, Mesh, Projection, Renderer, Scene, Settings, scene::Appearance, shapes};
 use softras_fit::{Film, Fit, FitOptions, Fitted, Voxels};
 use softras_io::{PictureFile, Views};
 use std::ops::ControlFlow;
@@ -73,6 +73,16 @@ fn cameras_that_point_aside_are_refined_and_right_ones_stay() {
 fn colored(renderer: &mut Renderer, cameras: Vec<Camera>, side: u32, color: impl Fn([f32; 3]) -> [f32; 3]) -> Views {
     let mesh = shapes::icosphere(5).unwrap();
     let mesh = mapped(&mesh, |p| [0.6 * p[0], 0.8 * p[1], 0.5 * p[2] + 0.2 * p[0]]);
+    colored_mesh(renderer, mesh, cameras, side, color)
+}
+
+fn colored_mesh(
+    renderer: &mut Renderer,
+    mesh: Mesh,
+    cameras: Vec<Camera>,
+    side: u32,
+    color: impl Fn([f32; 3]) -> [f32; 3],
+) -> Views {
     let colors = mesh.positions().iter().map(|p| color(*p)).collect();
     let scene = Scene::new(mesh.with_appearance(Appearance::VertexColors(colors)).unwrap());
     let settings = Settings { width: side, height: side, sigma: 1e-7, gamma: 1e-5, ..Settings::default() };
@@ -169,6 +179,45 @@ fn exposures_that_differ_are_leveled() {
     let (clean, kept, leveled) = (found(&good, false), found(&off, true), found(&off, false));
     assert!(!clean.1 && !kept.1 && leveled.1);
     assert!(leveled.0 < 1.2 * clean.0 && kept.0 > 2.0 * clean.0, "{clean:?} {kept:?} {leveled:?}");
+}
+
+/// Half of the views are so bright that most of their pixels are white.
+#[test]
+fn colours_that_are_at_their_end_in_some_views_come_from_the_others() {
+    let mut renderer = renderer();
+    let good = colored(&mut renderer, around(12), 48, |p| p.map(|x| 0.75 + 0.25 * x));
+    let mut off = good.clone();
+    for (view, pixels) in off.color.as_mut().unwrap().data.chunks_exact_mut(48 * 48 * 3).enumerate() {
+        let gain = [0.7f32, 1.45][view % 2];
+        pixels.iter_mut().for_each(|x| *x = (gain * *x).min(1.0));
+    }
+    let mut mean = |views: &Views| {
+        let fitted = run(views, 40, |_| (), &mut renderer);
+        let Appearance::VertexColors(colors) = fitted.mesh.appearance() else { panic!("no colours") };
+        let sum: f32 = colors.as_flattened().iter().sum();
+        (sum / colors.as_flattened().len() as f32, fitted.notes)
+    };
+    let ((right, _), (found, notes)) = (mean(&good), mean(&off));
+    // The gains are relative to their mean.
+    assert!((found / right - (0.7f32 * 1.45).sqrt()).abs() < 0.02, "{found}, {right}: {notes:?}");
+}
+
+#[test]
+fn cameras_that_are_turned_about_the_object_are_refined_by_colours() {
+    let mut renderer = renderer();
+    let squares = |p: [f32; 3]| p.map(|x| if (9.0 * x).rem_euclid(2.0) < 1.0 { 0.8 } else { 0.2 });
+    let good = colored_mesh(&mut renderer, solid(), around(12), 64, squares);
+    let turn = |i: usize| DMat4::from_axis_angle(DVec3::new(1.0, 0.5, 0.0).normalize(), [0.06, -0.06][i % 2]);
+    let mut off = good.clone();
+    let turned = |(i, camera): (usize, &Camera)| Camera::from_matrix(camera.matrix() * turn(i), *camera.projection());
+    off.cameras = good.cameras.iter().enumerate().map(turned).collect::<Result<_, _>>().unwrap();
+    let fitted = run(&off, 1, |_| (), &mut renderer);
+    let mean = |cameras: &[Camera]| {
+        let angles = cameras.iter().zip(&good.cameras).map(|(a, b)| a.axes()[0].angle_between(b.axes()[0]));
+        angles.sum::<f64>() / 12.0
+    };
+    let (before, after) = (mean(&off.cameras), mean(&fitted.views.cameras));
+    assert!(after < 0.5 * before, "{after} radians, before {before}: {:?}", fitted.notes);
 }
 
 #[test]

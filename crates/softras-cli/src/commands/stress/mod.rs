@@ -1,6 +1,5 @@
 //! `softras stress`: tests a device with random difficult scenes.
 
-mod load;
 mod map;
 mod tally;
 
@@ -29,7 +28,6 @@ Examples:
   softras stress --cases 20000 --seed 1
   softras stress --cases 1 --seed 4711            # one scene again
   softras stress --cases 1000000 --batch 64       # 64 scenes in one submission
-  softras stress --cases 0 --load 100000          # memory does not grow
   softras stress --cases 0 --map accuracy.svg     # error by sigma and gamma")]
 pub struct StressArgs {
     /// Number of scenes
@@ -59,12 +57,6 @@ pub struct StressArgs {
     /// Draw the error of images by sigma and gamma: .svg
     #[arg(long, value_name = "FILE", value_parser = parse::file_ending("svg"))]
     map: Option<PathBuf>,
-    /// First render N small frames: bits and memory must not change
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
-    load: Option<u64>,
-    /// Number of renderers in each thread of --load, which take turns
-    #[arg(long, value_name = "N", default_value_t = 1, requires = "load", value_parser = clap::value_parser!(u64).range(1..=64))]
-    renderers: u64,
     /// Print the first wrong scene, reduced to the fewest triangles
     #[arg(long)]
     shrink: bool,
@@ -80,8 +72,8 @@ impl StressArgs {
 }
 
 pub fn run(args: &StressArgs) -> std::result::Result<(), Failure> {
-    if args.cases == 0 && args.load.is_none() && args.map.is_none() {
-        let what = "--cases 0: nothing would be tested: give a number above 0, or --load or --map as well";
+    if args.cases == 0 && args.map.is_none() {
+        let what = "--cases 0: nothing would be tested: give a number above 0, or --map as well";
         return Err(Failure::Usage(what.into()));
     }
     if let Some(path) = &args.map {
@@ -90,10 +82,6 @@ pub fn run(args: &StressArgs) -> std::result::Result<(), Failure> {
     let start = Instant::now();
     let options =
         RendererOptions { device: args.device.clone(), validation: args.validation, ..RendererOptions::default() };
-    let load = args
-        .load
-        .map(|frames| load::run(load::Work { frames, threads: args.jobs, renderers: args.renderers }, &options))
-        .transpose()?;
     // All devices are created before the first frame and destroyed after the last one, because the validation layers crash
     // otherwise.
     let mut stresses =
@@ -115,12 +103,8 @@ pub fn run(args: &StressArgs) -> std::result::Result<(), Failure> {
         object["realistic"] = json!(args.realistic);
         object["validation"] = json!(args.validation);
         object["seconds"] = json!(seconds);
-        if let Some(load) = &load {
-            object["load"] = load.json();
-        }
         say(&format!("{object:#}"))?;
     } else {
-        load.iter().try_for_each(|load| say(&load.line()))?;
         if args.cases > 0 {
             say(&format!("{device}; {} scenes from seed {}, {:.0} s", args.cases, args.seed, seconds))?;
             tally.lines().iter().try_for_each(|line| say(line))?;
@@ -133,7 +117,7 @@ pub fn run(args: &StressArgs) -> std::result::Result<(), Failure> {
             say(&format!("{}: the map of errors", path.display()))?;
         }
     }
-    if tally.is_clean() && load.is_none_or(|load| load.is_good()) { Ok(()) } else { Err(Failure::Told) }
+    if tally.is_clean() { Ok(()) } else { Err(Failure::Told) }
 }
 
 /// The reduced scene of a finding, as text.
