@@ -22,6 +22,8 @@ use softras_io::Views;
 
 /// Pixels that the hull may lie within the masks, in the mean along their outlines and beyond what samples leave, where cameras are right.
 const AGREED: f64 = 0.2;
+/// What is left of that where refined cameras are taken, at most.
+const MOST_LEFT: f64 = 0.5;
 /// Views from which on a hull tells whether cameras are right.
 const FEWEST: usize = 6;
 /// The first stage finds where each camera points. What its turn about the object changes is seen only once the shape and the
@@ -85,7 +87,7 @@ pub fn refined(subject: &mut Subject, notes: &mut Vec<String>, renderer: &mut Re
     }
     subject.views.cameras = motions.cameras(&given)?;
     let after = disagreement(subject, &subject.views, renderer)?.map(|(after, _)| after);
-    if after.is_none_or(|after| after > 0.9 * off) {
+    if after.is_none_or(|after| after - by_samples > MOST_LEFT * (off - by_samples)) {
         subject.views.cameras = given;
         return Ok(());
     }
