@@ -297,6 +297,11 @@ FAULTS = [
      ["fit photos::views"]),
     ("cameras refined the other way", "crates/softras-fit/src/refine.rs", "gradient + prior * value", "prior * value - gradient",
      ["fit photos::cameras"]),
+    ("cameras that never turn", "crates/softras-fit/src/refine.rs", "if turns { turn } else { DVec3::ZERO }", "DVec3::ZERO",
+     ["fit photos::cameras_that_are_turned"]),
+    ("colours at their end taken as they are", "crates/softras-fit/src/exposure.rs", "{ -given }", "{ given }", ["fit photos::colours"]),
+    ("holes that meet by chance are believed", "crates/softras-fit/src/doubt.rs", "PLACES * all * tail > BY_CHANCE", "all < 0.0",
+     ["fit doubt::holes"]),
 ]
 
 

@@ -95,6 +95,10 @@ fn template(
         "auto" => Template::Auto,
         "sphere" => Template::Sphere,
         "hull" => Template::Hull,
+        path if !Path::new(path).exists() => {
+            let what = format!("--template {path}: neither auto, hull or sphere nor a file that exists");
+            return Err(Failure::Usage(what));
+        }
         path => {
             let loaded = args.read.read(Path::new(path), true, outputs, budget)?;
             let mesh = super::held(args.read.placed(loaded, origin)?.mesh, renderer)?;
