@@ -69,9 +69,7 @@ pub struct GradientPlan {
 fn requirement(limits: &Limits, id: BufferId, size: u64) -> Result<BufferRequirement> {
     let (name, format, usage) = (id.name(), id.row().format, id.usage());
     let texels = usage.contains(vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER).then_some(format);
-    // The kernels that draw read textures as texels alone. Those that place a host's own check the storage that they bind.
-    let of_whole = if id == BufferId::Texels { usage & !vk::BufferUsageFlags::STORAGE_BUFFER } else { usage };
-    BufferDesc { name, size, usage: of_whole, location: Location::Device, texels }.validate(limits)?;
+    BufferDesc { name, size, usage, location: Location::Device, texels }.validate(limits)?;
     // 16 bytes are a texel of four floats, and the alignment that copies to images need.
     let alignment = limits.storage_offset_alignment.max(limits.texel_offset_alignment).max(16);
     Ok(BufferRequirement { id, size, alignment, usage })

@@ -218,20 +218,3 @@ fn even_surface_resolutions() {
         against_reference_within(renderer, &Scene::new(mesh), camera, &small(80, 60), &tolerance);
     }
 }
-
-/// 144 MB of texels, where lavapipe binds storage buffers of at most 128 MB.
-#[test]
-fn textures_may_be_larger_than_a_storage_buffer() {
-    let renderer = &mut renderer();
-    let camera = Camera::from_angles(4.0, 20.0, 30.0, Projection::Perspective { fov_y: 0.8 }).unwrap();
-    let mut rendered = |resolution: u32| {
-        let mesh = shapes::cube().unwrap();
-        let cells = (resolution * resolution) as usize;
-        let texels =
-            (0..mesh.triangles().len()).flat_map(|i| vec![[0.08 * i as f32, 0.5, 1.0 - 0.08 * i as f32]; cells]);
-        let appearance = Appearance::Surface { resolution, texels: texels.collect() };
-        let scene = Scene::new(mesh.with_appearance(appearance).unwrap());
-        renderer.render(&scene, &[camera], &small(40, 30)).unwrap().color().unwrap().clone()
-    };
-    assert_eq!(rendered(866).data, rendered(1).data);
-}
