@@ -2,7 +2,7 @@
 
 use crate::{
     Topology, doubles,
-    hull::{depth_at, sample},
+    hull::{depth_at, sample, sample_of},
     points, singles, sized,
 };
 use glam::DVec3;
@@ -48,9 +48,21 @@ impl<'a> Seen<'a> {
     }
 
     /// The colour that a view shows of a point, and the cosine between the normal there and the direction to the camera; `None` where
-    /// something is before it or the picture's border or outline is near.
+    /// it does not see the point, or shows of its colour only how bright it is at least.
     pub fn by(&self, view: usize, point: DVec3, normal: DVec3) -> Option<(DVec3, f64)> {
-        let (camera, color) = (&self.views.cameras[view], self.views.color.as_ref()?);
+        let (place, cosine) = self.place(view, point, normal)?;
+        let color = self.views.color.as_ref()?;
+        // A value below 0 is only a bound, and so is a mean with it.
+        let known = |value: f64| if value < 0.0 { f64::NAN } else { value };
+        let channel = |k: usize| sample_of(color, view, k, place, known);
+        let color = DVec3::new(channel(0), channel(1), channel(2));
+        color.is_finite().then_some((color, cosine))
+    }
+
+    /// The column and the row where a view sees a point, and the cosine; `None` where something is before it or the picture's border or
+    /// outline is near.
+    fn place(&self, view: usize, point: DVec3, normal: DVec3) -> Option<((f64, f64), f64)> {
+        let camera = &self.views.cameras[view];
         let cosine = normal.dot((self.eyes[view] - point).normalize_or_zero());
         if cosine < LEAST_COSINE {
             return None;
@@ -58,15 +70,9 @@ impl<'a> Seen<'a> {
         let [column, row, depth] = camera.project(point, self.size)?;
         let pixel = self.pixel(camera, point, depth);
         let nearest = depth_at(&self.depths, view, column, row, STEP * pixel)?;
-        if depth - nearest > BEHIND * pixel / cosine {
-            return None;
-        }
         let masks = self.views.silhouette.as_ref();
         let is_inside = masks.is_none_or(|masks| sample(masks, view, 0, column, row) >= COVERED);
-        let channel = |k: usize| sample(color, view, k, column, row);
-        // A colour that is only known to be bright is below 0.
-        let color = DVec3::new(channel(0), channel(1), channel(2));
-        (is_inside && color.min_element() >= 0.0).then_some((color, cosine))
+        (is_inside && depth - nearest <= BEHIND * pixel / cosine).then_some(((column, row), cosine))
     }
 
     /// The length of a pixel at a point.
@@ -100,7 +106,7 @@ impl<'a> Seen<'a> {
     pub fn spread(&self, mesh: Mesh, some: &[usize]) -> Result<Mesh> {
         let Appearance::VertexColors(colors) = mesh.appearance() else { return Ok(mesh) };
         let (topology, mut colors) = (Topology::of(&mesh)?, doubles(colors));
-        let is_seen = |(point, normal)| some.iter().any(|view| self.by(*view, point, normal).is_some());
+        let is_seen = |(point, normal)| some.iter().any(|view| self.place(*view, point, normal).is_some());
         let seen: Vec<bool> = points(&mesh).into_iter().zip(normals(&mesh)).map(is_seen).collect();
         let mut known = seen.clone();
         for _ in 0..ROUNDS {
@@ -131,4 +137,37 @@ pub fn areas(mesh: &Mesh) -> Vec<DVec3> {
 /// The unit normals of a mesh's vertices, by the areas of the triangles around them.
 pub fn normals(mesh: &Mesh) -> Vec<DVec3> {
     areas(mesh).into_iter().map(DVec3::normalize_or_zero).collect()
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, clippy::panic)]
+mod tests {
+    use super::*;
+    use softras::{Projection, RendererOptions};
+
+    #[test]
+    fn a_bound_is_no_colour_and_mixes_with_none() {
+        // A square that is larger than the picture, with a vertex in each half of it.
+        let places = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0], [-0.5, 0.0], [0.5, 0.0]];
+        let places = places.map(|[x, y]| [x, y, 0.0]).to_vec();
+        let triangles = vec![[0, 1, 5], [0, 5, 4], [1, 2, 5], [2, 3, 4], [2, 4, 5], [3, 0, 4]];
+        let mesh = Mesh::new(places, triangles).unwrap();
+        let eye = DVec3::new(0.0, 0.0, 4.0);
+        let camera = Camera::look_at(eye, DVec3::ZERO, DVec3::Y, Projection::Perspective { fov_y: 0.4 }).unwrap();
+        // White in the left half of the picture, known in the right one.
+        let data = (0..16 * 16).flat_map(|i| [if i % 16 < 8 { -0.7 } else { 0.9 }; 3]).collect();
+        let color = Some(Image { batch: 1, height: 16, width: 16, channels: 3, data });
+        let views = Views { cameras: vec![camera], color, ..Views::default() };
+        let mut renderer = Renderer::with_options(&RendererOptions::default()).unwrap();
+        let settings = Settings { near: 1.0, far: 10.0, ..Settings::default() };
+        let seen = Seen::of(&mesh, &views, &settings, &mut renderer).unwrap();
+        let shown = |x: f64| seen.by(0, DVec3::new(x, 0.03, 0.0), DVec3::Z).map(|(color, _)| color.x as f32);
+        assert_eq!([-0.6, -0.03, 0.03, 0.6].map(shown), [None, None, None, Some(0.9)]);
+        // The vertex in the white half is seen, and keeps its colour.
+        let colors = Appearance::VertexColors(vec![[0.0; 3], [0.0; 3], [0.0; 3], [0.0; 3], [0.7; 3], [0.2; 3]]);
+        let mesh = seen.spread(mesh.with_appearance(colors).unwrap(), &[0]).unwrap();
+        let Appearance::VertexColors(colors) = mesh.appearance() else { panic!("no colours") };
+        assert_eq!(colors[4..], [[0.7; 3], [0.2; 3]]);
+        assert!(colors[..4].iter().all(|color| color[0] > 0.1), "{colors:?}");
+    }
 }
