@@ -214,6 +214,19 @@ impl Camera {
         }
     }
 
+    /// The focal lengths and the principal point (fx, fy, cx, cy), in pixels, of an image of so many columns and rows; `None` without
+    /// perspective, and for [`Projection::Official`] and [`Projection::Screen`].
+    pub fn intrinsics(&self, (columns, rows): (u32, u32)) -> Option<[f64; 4]> {
+        match self.projection {
+            Projection::Pinhole { fx, fy, cx, cy } => Some([fx, fy, cx, cy]),
+            Projection::Perspective { fov_y } => {
+                let f = f64::from(rows) / 2.0 / (fov_y / 2.0).tan();
+                Some([f, f, f64::from(columns) / 2.0, f64::from(rows) / 2.0])
+            }
+            _ => None,
+        }
+    }
+
     /// The projection.
     pub fn projection(&self) -> &Projection {
         &self.projection

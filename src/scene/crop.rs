@@ -47,15 +47,10 @@ fn shifted(camera: &Camera, [whole, part]: [&Settings; 2], [column, row]: [f64; 
         let view = DMat4::from_cols(rows[0], rows[1], rows[2], DVec4::W).transpose();
         Camera::from_matrix(view, projection)
     };
+    if let Some([fx, fy, cx, cy]) = camera.intrinsics((whole.width, whole.height)) {
+        return with([x, y, z], Projection::Pinhole { fx, fy, cx: cx - column, cy: cy - row });
+    }
     match *camera.projection() {
-        Projection::Perspective { fov_y } => {
-            let f = height / 2.0 / (fov_y / 2.0).tan();
-            let (cx, cy) = (width / 2.0 - column, height / 2.0 - row);
-            with([x, y, z], Projection::Pinhole { fx: f, fy: f, cx, cy })
-        }
-        Projection::Pinhole { fx, fy, cx, cy } => {
-            with([x, y, z], Projection::Pinhole { fx, fy, cx: cx - column, cy: cy - row })
-        }
         Projection::Orthographic { half_height } => {
             // From the centre of the part to that of the image, in screen units of the part.
             let right = (width - part_width - 2.0 * column) / part_height;
@@ -64,7 +59,7 @@ fn shifted(camera: &Camera, [whole, part]: [&Settings; 2], [column, row]: [f64; 
             let moved = |axis: DVec4, by: f64| axis + DVec4::W * (by * half_height);
             with([moved(x, right), moved(y, up), z], Projection::Orthographic { half_height })
         }
-        Projection::Official { .. } | Projection::Screen => Err(Error::Camera {
+        _ => Err(Error::Camera {
             field: "projection",
             value: format!("{:?}", camera.projection()),
             fix: "use a camera whose image can be shifted: a perspective, pinhole or orthographic one".into(),

@@ -21,8 +21,7 @@ struct Square {
 /// `most` pixels a side. The photographs stay in [`Subject::photographs`].
 pub fn cropped(subject: &mut Subject, most: usize, notes: &mut Vec<String>) -> Result<()> {
     let views = &subject.views;
-    let is_pinhole =
-        |camera: &Camera| matches!(camera.projection(), Projection::Perspective { .. } | Projection::Pinhole { .. });
+    let is_pinhole = |camera: &Camera| camera.intrinsics((1, 1)).is_some();
     let Some(masks) = &views.silhouette else { return Ok(()) };
     let is_small = most == 0 || masks.height.min(masks.width) <= most;
     if is_small || views.depth.is_some() || views.normal.is_some() || !views.cameras.iter().all(is_pinhole) {
@@ -79,15 +78,8 @@ fn square(masks: &Image, view: usize) -> Option<Square> {
 impl Square {
     /// The camera of the crop.
     fn camera(&self, camera: &Camera, picture: &Image, side: usize) -> Result<Camera> {
-        let (width, height) = (picture.width as f64, picture.height as f64);
-        let [fx, fy, cx, cy] = match *camera.projection() {
-            Projection::Pinhole { fx, fy, cx, cy } => [fx, fy, cx, cy],
-            Projection::Perspective { fov_y } => {
-                let f = 0.5 * height / (0.5 * fov_y).tan();
-                [f, f, 0.5 * width, 0.5 * height]
-            }
-            _ => return Ok(*camera),
-        };
+        let size = (picture.width as u32, picture.height as u32);
+        let Some([fx, fy, cx, cy]) = camera.intrinsics(size) else { return Ok(*camera) };
         let times = side as f64 / self.side;
         let [fx, fy, cx, cy] = [fx, fy, cx - self.left, cy - self.top].map(|x| times * x);
         Camera::from_matrix(camera.matrix(), Projection::Pinhole { fx, fy, cx, cy })

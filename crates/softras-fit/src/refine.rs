@@ -15,7 +15,7 @@ use crate::{
 };
 use glam::{DMat3, DMat4, DVec3};
 use softras::{
-    Camera, CameraGradient, Image, Projection, Renderer, Result, Scene, Settings, parts,
+    Camera, CameraGradient, Image, Renderer, Result, Scene, Settings, parts,
     scene::{Appearance, Background, Interpolation},
 };
 use softras_io::Views;
@@ -63,8 +63,7 @@ struct Stage {
 
 /// Refines the cameras of views that do not agree, and notes by how much.
 pub fn refined(subject: &mut Subject, notes: &mut Vec<String>, renderer: &mut Renderer) -> Result<()> {
-    let is_rigid =
-        |camera: &Camera| matches!(camera.projection(), Projection::Perspective { .. } | Projection::Pinhole { .. });
+    let is_rigid = |camera: &Camera| camera.intrinsics((1, 1)).is_some();
     if subject.views.silhouette.is_none()
         || subject.views.cameras.len() < FEWEST
         || !subject.views.cameras.iter().all(is_rigid)

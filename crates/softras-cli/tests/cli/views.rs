@@ -50,4 +50,6 @@ fn views_are_written_only_where_they_replace_no_input() {
     fails(folder.path(), &[&fit[..], &["--json", "v/view_001.png", "--write-views", "v"]].concat(), 2, &["twice"]);
     fails(folder.path(), &[&fit[..], &["--write-views", "cube.obj"]].concat(), 1, &["cube.obj"]);
     fails(folder.path(), &["fit", "--views", "v", "--write-views", "w", "-o", "o.obj"], 2, &["--from"]);
+    fails(folder.path(), &words("fit --from none.obj --write-views w -o o.obj"), 1, &["none.obj"]);
+    assert!(!folder.path().join("w").exists());
 }

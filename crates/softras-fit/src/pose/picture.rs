@@ -3,10 +3,7 @@
 use super::PoseTarget;
 use crate::bad;
 use glam::{DVec2, DVec3};
-use softras::{
-    Image, Result,
-    scene::{Camera, Projection},
-};
+use softras::{Image, Result, scene::Camera};
 
 /// A picture: colours on black and the silhouette.
 #[derive(Clone, Debug)]
@@ -107,14 +104,8 @@ impl Place {
     /// The translation, in the camera's axes, that moves an object at view depth `depth` from here to `goal`, in images of this
     /// size. Zero for cameras without perspective.
     pub fn way_to(&self, goal: &Self, camera: &Camera, [width, height]: [f64; 2], depth: f64) -> DVec3 {
-        let (slope, middle) = match *camera.projection() {
-            Projection::Perspective { fov_y } => {
-                let slope = 2.0 * (fov_y / 2.0).tan() / height;
-                (DVec2::new(slope, -slope), DVec2::new(width, height) / 2.0)
-            }
-            Projection::Pinhole { fx, fy, cx, cy } => (DVec2::new(1.0 / fx, -1.0 / fy), DVec2::new(cx, cy)),
-            _ => return DVec3::ZERO,
-        };
+        let Some([fx, fy, cx, cy]) = camera.intrinsics((width as u32, height as u32)) else { return DVec3::ZERO };
+        let (slope, middle) = (DVec2::new(1.0 / fx, -1.0 / fy), DVec2::new(cx, cy));
         // Twice as far is a quarter of the area.
         let to = depth * (self.area / goal.area).sqrt().clamp(0.5, 2.0);
         let [there, here] = [goal, self].map(|place| place.center * DVec2::new(width, height) - middle);

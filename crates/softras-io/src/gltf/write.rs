@@ -8,11 +8,13 @@ use softras::{
 };
 use std::collections::HashMap;
 
-/// Numbers of glTF's types: 32-bit floats and unsigned integers; and of its modes of wrapping.
+/// Numbers of glTF's types: 32-bit floats and unsigned integers; of its modes of wrapping; and of its filters.
 const FLOAT: u32 = 5126;
 const UNSIGNED: u32 = 5125;
 const CLAMP: u32 = 33071;
 const REPEAT: u32 = 10497;
+const LINEAR: u32 = 9729;
+const MIPMAPS: u32 = 9987;
 
 /// The content of a .glb file. Colours and factors are linear in glTF, images are sRGB.
 ///
@@ -64,7 +66,9 @@ pub fn glb(mesh: &Mesh, origin: [f64; 3]) -> Result<Vec<u8>> {
                 if own.is_empty() {
                     continue;
                 }
-                let material = file.textured(texture)?;
+                // Smaller copies of an image mix charts of single triangles.
+                let are_single = corners.len() == 3 * own.len();
+                let material = file.textured(texture, !are_single)?;
                 // v runs down in glTF.
                 let uvs: Vec<[f32; 2]> =
                     corners.iter().map(|(_, uv)| uvs[*uv as usize]).map(|[u, v]| [u, 1.0 - v]).collect();
@@ -145,11 +149,13 @@ impl File {
         self.push("materials", material)
     }
 
-    fn textured(&mut self, texture: &Texture) -> Result<usize> {
+    fn textured(&mut self, texture: &Texture, mipmaps: bool) -> Result<usize> {
         let view = self.view(&png(texture)?);
         let image = self.push("images", json!({ "bufferView": view, "mimeType": "image/png" }));
         let wrap = if texture.wrap() == Wrap::Clamp { CLAMP } else { REPEAT };
-        let sampler = self.push("samplers", json!({ "wrapS": wrap, "wrapT": wrap }));
+        let filter = if mipmaps { MIPMAPS } else { LINEAR };
+        let sampler = json!({ "wrapS": wrap, "wrapT": wrap, "magFilter": LINEAR, "minFilter": filter });
+        let sampler = self.push("samplers", sampler);
         let index = self.push("textures", json!({ "source": image, "sampler": sampler }));
         Ok(self.material(json!({ "baseColorTexture": { "index": index } }), texture.alpha().is_some()))
     }

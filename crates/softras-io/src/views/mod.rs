@@ -2,6 +2,7 @@
 
 mod camera_files;
 mod maps;
+mod sizes;
 
 pub use maps::Map;
 
@@ -282,7 +283,8 @@ fn rgba(bytes: [f64; 3], alpha: Option<f64>) -> [f64; 4] {
     [r, g, b, a]
 }
 
-/// Reads pictures with their cameras from a file of them, and adds all these files to those that were read.
+/// Reads pictures with their cameras from a file of them, and adds all these files to those that were read. Pictures of several sizes
+/// get empty columns at the right and empty rows below.
 fn folder(
     options: &ViewsOptions,
     path: &Path,
@@ -292,23 +294,80 @@ fn folder(
 ) -> Result<Views> {
     let (list, mut views) = camera_files::read(path, options.cameras.as_deref(), options.fov)?;
     files.push(list.clone());
-    let mut cameras = Vec::with_capacity(views.len());
-    let mut size: Option<(u32, u32)> = None;
     // All pictures are counted before the first is decoded.
-    let mut missing = None;
-    for view in &mut views {
+    let sizes = counted(options, path, &mut views, files, notes, budget)?;
+    let whole = sizes.iter().fold((0, 0), |(width, height), size| (size.0.max(width), size.1.max(height)));
+    let has_maps = options.depths.is_some() || options.normals.is_some();
+    if sizes.iter().any(|size| *size != whole) {
+        if has_maps {
+            return refuse(&list, "pictures of several sizes, beside depths or normals", "use images of one size");
+        }
+        notes.push(format!("pictures of several sizes: all become {}×{}, empty beyond their own", whole.0, whole.1));
+    }
+    if let Some(view) = views.iter().find(|view| view.bend.is_some()) {
+        if has_maps {
+            let what = format!("{}: a camera with distortion, beside depths or normals", view.file.display());
+            return refuse(&list, what, "undistort pictures and maps first");
+        }
+        notes.push(format!("{} and others: the lens distortion is removed", view.file.display()));
+    }
+    let camera = |(view, size): (&camera_files::Entry, _)| sizes::widened(&view.camera(&list, size)?, size, whole);
+    let all = views.iter().zip(sizes.iter().copied()).map(camera).collect::<Result<Vec<_>>>()?;
+    let (mut pixels, mut cameras, mut pictures) = (Pixels::new(options.color), Vec::new(), Vec::new());
+    let mut kinds = [None, None];
+    for ((view, size), camera) in views.into_iter().zip(sizes).zip(all) {
+        let (picture, noted) = picture_of(&view, path, size)?;
+        // One note of a kind is enough for all pictures.
+        kinds.iter_mut().zip(noted).for_each(|(kind, note)| *kind = kind.take().or(note));
+        if sizes::is_cut(&picture, size, whole) {
+            let what = "left out: its right or lower border cuts the object, and other pictures are larger";
+            notes.push(format!("{}: {what}", view.file.display()));
+            continue;
+        }
+        sizes::padded(&picture, size, whole).for_each(|pixel| pixels.push(pixel));
+        cameras.push(camera);
+        pictures.push(view.file);
+    }
+    if cameras.is_empty() {
+        return refuse(&list, "pictures of several sizes, whose borders all cut the object", "crop them to one size");
+    }
+    notes.extend(kinds.into_iter().flatten());
+    let (width, height) = (whole.0 as usize, whole.1 as usize);
+    let mut made = pixels.views(cameras, [pictures.len(), height, width]);
+    made.names = pictures.iter().map(|picture| picture.display().to_string()).collect();
+    let mut maps = |map: Map, folder: &Option<PathBuf>| -> Result<Option<Image>> {
+        let Some(folder) = folder else { return Ok(None) };
+        map.read_all(folder, &pictures, (width, height), options.depth_unit, files, budget).map(Some)
+    };
+    (made.depth, made.normal) = (maps(Map::Depth, &options.depths)?, maps(Map::Normal, &options.normals)?);
+    Ok(made)
+}
+
+/// The sizes of the pictures, once the memory for all of them is claimed. Adds pictures and masks to the files; a mask that is not
+/// there is forgotten, with a note.
+fn counted(
+    options: &ViewsOptions,
+    path: &Path,
+    views: &mut [camera_files::Entry],
+    files: &mut Vec<PathBuf>,
+    notes: &mut Vec<String>,
+    budget: &Budget,
+) -> Result<Vec<(u32, u32)>> {
+    let mut sizes = Vec::with_capacity(views.len());
+    let (mut missing, mut whole) = (None, (0, 0));
+    for view in views {
         let file = path.join(&view.file);
         check_inside(path, &file, options.allow_outside)?;
         let picture = PictureFile::open(&file)?;
         files.push(file.clone());
-        let (width, height) = (picture.width, picture.height);
-        cameras.push(view.camera(&list, (width, height))?);
-        if *size.get_or_insert((width, height)) != (width, height) {
-            let what = format!("is {width}×{height} pixels, others are not");
-            return refuse(&file, what, "use images of one size");
-        }
+        sizes.push((picture.width, picture.height));
+        // A larger picture than those before makes them larger too.
+        let before = u64::from(whole.0) * u64::from(whole.1);
+        whole = (picture.width.max(whole.0), picture.height.max(whole.1));
+        let pixels = u64::from(whole.0) * u64::from(whole.1);
         budget.count_file(picture.file_bytes);
-        claim_pixels(options, budget, &file, picture.pixels())?;
+        (1..sizes.len()).try_for_each(|_| claim_pixels(options, budget, &file, pixels - before))?;
+        claim_pixels(options, budget, &file, pixels)?;
         if let Some(name) = view.mask.take_if(|mask| !path.join(mask).exists()) {
             missing.get_or_insert_with(|| format!("{}: not found: silhouettes come from the pictures", name.display()));
         }
@@ -318,40 +377,19 @@ fn folder(
         }
     }
     notes.extend(missing);
-    if let Some(view) = views.iter().find(|view| view.bend.is_some()) {
-        if options.depths.is_some() || options.normals.is_some() {
-            let what = format!("{}: a camera with distortion, beside depths or normals", view.file.display());
-            return refuse(&list, what, "undistort pictures and maps first");
-        }
-        notes.push(format!("{} and others: the lens distortion is removed", view.file.display()));
+    Ok(sizes)
+}
+
+/// The pixels of a view's picture, with its mask and without its distortion, and notes.
+fn picture_of(view: &camera_files::Entry, folder: &Path, size: (u32, u32)) -> Result<(Vec<[f64; 4]>, Noted)> {
+    let (mut picture, noted) = pixels_of(&folder.join(&view.file))?;
+    if let Some(mask) = &view.mask {
+        masked(&mut picture, &folder.join(mask), size)?;
     }
-    let size = size.unwrap_or_default();
-    let mut pixels = Pixels::new(options.color);
-    let mut kinds = [None, None];
-    for view in &views {
-        // One note of a kind is enough for all pictures.
-        let file = path.join(&view.file);
-        let (mut picture, noted) = pixels_of(&file)?;
-        if let Some(mask) = &view.mask {
-            masked(&mut picture, &path.join(mask), size)?;
-        }
-        if view.bend.is_some() {
-            picture = straightened(&picture, view, size.0 as usize);
-        }
-        picture.into_iter().for_each(|pixel| pixels.push(pixel));
-        kinds.iter_mut().zip(noted).for_each(|(kind, note)| *kind = kind.take().or(note));
+    if view.bend.is_some() {
+        picture = straightened(&picture, view, size.0 as usize);
     }
-    notes.extend(kinds.into_iter().flatten());
-    let (width, height) = (size.0 as usize, size.1 as usize);
-    let mut made = pixels.views(cameras, [views.len(), height, width]);
-    let pictures: Vec<PathBuf> = views.into_iter().map(|view| view.file).collect();
-    made.names = pictures.iter().map(|picture| picture.display().to_string()).collect();
-    let mut maps = |map: Map, folder: &Option<PathBuf>| -> Result<Option<Image>> {
-        let Some(folder) = folder else { return Ok(None) };
-        map.read_all(folder, &pictures, (width, height), options.depth_unit, files, budget).map(Some)
-    };
-    (made.depth, made.normal) = (maps(Map::Depth, &options.depths)?, maps(Map::Normal, &options.normals)?);
-    Ok(made)
+    Ok((picture, noted))
 }
 
 /// Takes the silhouette of a picture from its mask, white inside.

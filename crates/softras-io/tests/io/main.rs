@@ -13,6 +13,7 @@ mod mutation;
 mod numpy;
 mod obj;
 mod save;
+mod views;
 
 /// What comes of work, and the most bytes of the heap that it had at a time.
 fn peak_of<T>(work: impl FnOnce() -> T) -> (T, usize) {

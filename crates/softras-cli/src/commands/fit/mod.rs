@@ -77,6 +77,10 @@ pub fn run(args: &FitArgs) -> Result<(), Failure> {
 fn view_files(args: &FitArgs) -> Result<Vec<PathBuf>, Failure> {
     let Some(folder) = &args.files.write_views else { return Ok(Vec::new()) };
     let maps: Vec<Map> = args.targets.also.iter().map(|&map| map.into()).collect();
+    if let Some(from) = &args.from {
+        // No folder is made for a mesh that is not there.
+        std::fs::metadata(from).map_err(|source| softras::Error::Io { path: from.clone(), source })?;
+    }
     for folder in [folder.clone()].into_iter().chain(maps.iter().map(|map| folder.join(map.folder()))) {
         std::fs::create_dir_all(&folder).map_err(|source| softras::Error::Io { path: folder, source })?;
     }

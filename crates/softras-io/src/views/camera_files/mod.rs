@@ -13,7 +13,7 @@ mod write;
 pub use write::{cameras, files, names};
 
 use crate::{input, refuse};
-use glam::{DMat4, DVec3};
+use glam::{DMat4, DVec3, DVec4};
 use softras::{Camera, Error, Projection, Result};
 use std::path::{Path, PathBuf};
 
@@ -153,9 +153,7 @@ fn perspective(fov_y: f64) -> Projection {
     Projection::Perspective { fov_y }
 }
 
-/// A calibrated camera as one with its axis in the picture's middle and square pixels, which serves pictures of any size: what
-/// the principal point, the skew and the ratio of the focal lengths ask for goes into the view's rows,
-/// x' = (fx x - skew y + (cx - w/2) z) / fy and y' = y + (h/2 - cy) / fy z.
+/// A calibrated camera. The skew goes into the view's first row, x - skew / fx y.
 fn pinhole(view: DMat4, [fx, fy, cx, cy]: [f64; 4], skew: f64, [width, height]: [f64; 2]) -> Result<Camera> {
     let good = |focal: f64| focal.is_finite() && focal > 0.0;
     if !good(fx) || !good(fy) || !(cx + cy + skew).is_finite() {
@@ -163,15 +161,11 @@ fn pinhole(view: DMat4, [fx, fy, cx, cy]: [f64; 4], skew: f64, [width, height]: 
         let fix = "use pixels, focal lengths above 0".to_string();
         return Err(Error::Camera { field: "fx, fy, cx, cy", value, fix });
     }
-    let [x, y, z] = [0, 1, 2].map(|row| view.row(row));
-    let rows = [
-        x * (fx / fy) - y * (skew / fy) + z * ((cx - width / 2.0) / fy),
-        y + z * ((height / 2.0 - cy) / fy),
-        z,
-        view.row(3),
-    ];
-    let matrix = DMat4::from_cols_array_2d(&rows.map(|row| row.to_array())).transpose();
-    Camera::from_matrix(matrix, perspective(2.0 * (height / 2.0 / fy).atan()))
+    if (fx, cx, cy, skew) == (fy, width / 2.0, height / 2.0, 0.0) {
+        return Camera::from_matrix(view, perspective(2.0 * (height / 2.0 / fy).atan()));
+    }
+    let shear = DMat4::from_cols(DVec4::X, DVec4::new(-skew / fx, 1.0, 0.0, 0.0), DVec4::Z, DVec4::W);
+    Camera::from_matrix(shear * view, Projection::Pinhole { fx, fy, cx, cy })
 }
 
 /// World to view of a pose, a world-to-camera matrix whose camera axes point along `axes` of x right, y up, z forward.

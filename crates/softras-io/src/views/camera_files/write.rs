@@ -1,9 +1,10 @@
 //! Pictures and cameras.json as `--write-views` writes them.
 
 use crate::{Curve, failed, picture};
+use glam::DVec4;
 use image::ExtendedColorType;
 use serde_json::{Value, json};
-use softras::{Camera, Image, Projection, Result};
+use softras::{Camera, Image, Result};
 use std::path::{Path, PathBuf};
 
 /// The files of so many views: pictures, and last the file that names them.
@@ -58,19 +59,15 @@ fn png(alpha: &[f32], color: &[f32], (width, height): (usize, usize)) -> image::
 
 /// An entry of cameras.json.
 fn entry(name: &str, camera: &Camera, (width, height): (usize, usize)) -> Value {
-    let [x, y, z] = *camera.view();
-    // OpenCV's y points down.
-    let pose = [x, y.map(|c| -c), z, [0.0, 0.0, 0.0, 1.0]];
+    let [x, y, z] = camera.view().map(DVec4::from);
+    // OpenCV's y points down. A first row that leans towards the second is a skew.
+    let y = -y;
+    let lean = x.truncate().dot(y.truncate());
+    let lean = if lean.abs() > 1e-12 { lean } else { 0.0 };
+    let pose = [x - lean * y, y, z, DVec4::W].map(|row| row.to_array());
     let mut entry = json!({ "file": name, "world_to_camera": pose });
-    let (w, h) = (width as f64, height as f64);
-    let [fx, fy, cx, cy] = match *camera.projection() {
-        Projection::Perspective { fov_y } => {
-            let focal = h / 2.0 / (fov_y / 2.0).tan();
-            [focal, focal, w / 2.0, h / 2.0]
-        }
-        Projection::Pinhole { fx, fy, cx, cy } => [fx, fy, cx, cy],
-        _ => return entry,
-    };
-    entry["intrinsics"] = json!([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]);
+    if let Some([fx, fy, cx, cy]) = camera.intrinsics((width as u32, height as u32)) {
+        entry["intrinsics"] = json!([[fx, fx * lean, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]);
+    }
     entry
 }

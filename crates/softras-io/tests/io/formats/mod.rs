@@ -60,6 +60,25 @@ fn textured() -> Mesh {
 }
 
 #[test]
+fn charts_of_single_triangles_are_drawn_without_mipmaps() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("mesh.glb");
+    let filter = |mesh: &Mesh| {
+        save(mesh, &path).unwrap();
+        let bytes = fs::read(&path).unwrap();
+        let text = String::from_utf8_lossy(&bytes);
+        text.split_once("minFilter\":").unwrap().1[..4].to_string()
+    };
+    let whole = textured();
+    let Appearance::Textured { uvs, uv_triangles, textures, .. } = whole.appearance().clone() else { panic!() };
+    let uvs = uv_triangles.iter().flatten().map(|&uv| uvs[uv as usize]).collect();
+    let uv_triangles = (0..uv_triangles.len() as u32).map(|t| [0, 1, 2].map(|k| 3 * t + k)).collect();
+    let single = Appearance::Textured { uvs, uv_triangles, textures, texture_of_triangle: vec![] };
+    assert_eq!(filter(&whole), "9987");
+    assert_eq!(filter(&whole.with_appearance(single).unwrap()), "9729");
+}
+
+#[test]
 fn every_format_renders_to_the_bits_of_its_obj() {
     let folder = tempfile::tempdir().unwrap();
     let mut renderer = renderer();
