@@ -3,7 +3,7 @@
 use crate::{pooled, sized, subject::Subject};
 use softras::{
     Camera, GradientRequest, Image, ImageGradient, Mesh, Renderer, Result, Scene, Settings, parts,
-    scene::{Appearance, Background, Lights, Outputs, Shading},
+    scene::{Appearance, Background, Lights, Outputs, Shading, SurfacePoint},
 };
 use softras_io::Views;
 
@@ -42,6 +42,8 @@ impl<'a> Eye<'a> {
             near: subject.depths.0,
             far: subject.depths.1,
             background: Background::Composite,
+            // With nearest points the hollow of the project's mug came out deeper, and its hull had a 3D IoU of 0.883 in place of 0.925.
+            surface_point: SurfacePoint::Clip,
             outputs: Outputs { color: true, ..Outputs::NOTHING },
             ..sized(&Settings::default(), (pictures.height, pictures.width), 1)
         };

@@ -297,6 +297,8 @@ fn folder(
     // All pictures are counted before the first is decoded.
     let sizes = counted(options, path, &mut views, files, notes, budget)?;
     let whole = sizes.iter().fold((0, 0), |(width, height), size| (size.0.max(width), size.1.max(height)));
+    let pixels = u64::from(whole.0) * u64::from(whole.1);
+    views.iter().try_for_each(|view| claim_pixels(options, budget, &path.join(&view.file), pixels))?;
     let has_maps = options.depths.is_some() || options.normals.is_some();
     if sizes.iter().any(|size| *size != whole) {
         if has_maps {
@@ -343,8 +345,7 @@ fn folder(
     Ok(made)
 }
 
-/// The sizes of the pictures, once the memory for all of them is claimed. Adds pictures and masks to the files; a mask that is not
-/// there is forgotten, with a note.
+/// The sizes of the pictures. Adds pictures and masks to the files; a mask that is not there is forgotten, with a note.
 fn counted(
     options: &ViewsOptions,
     path: &Path,
@@ -354,20 +355,14 @@ fn counted(
     budget: &Budget,
 ) -> Result<Vec<(u32, u32)>> {
     let mut sizes = Vec::with_capacity(views.len());
-    let (mut missing, mut whole) = (None, (0, 0));
+    let mut missing = None;
     for view in views {
         let file = path.join(&view.file);
         check_inside(path, &file, options.allow_outside)?;
         let picture = PictureFile::open(&file)?;
         files.push(file.clone());
         sizes.push((picture.width, picture.height));
-        // A larger picture than those before makes them larger too.
-        let before = u64::from(whole.0) * u64::from(whole.1);
-        whole = (picture.width.max(whole.0), picture.height.max(whole.1));
-        let pixels = u64::from(whole.0) * u64::from(whole.1);
         budget.count_file(picture.file_bytes);
-        (1..sizes.len()).try_for_each(|_| claim_pixels(options, budget, &file, pixels - before))?;
-        claim_pixels(options, budget, &file, pixels)?;
         if let Some(name) = view.mask.take_if(|mask| !path.join(mask).exists()) {
             missing.get_or_insert_with(|| format!("{}: not found: silhouettes come from the pictures", name.display()));
         }
