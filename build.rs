@@ -1,7 +1,7 @@
 //! Compiles `glsl/*.comp` to SPIR-V, reflects each module, and writes into OUT_DIR what the library includes:
 //! `kernels.rs` (one `Kernel` for each file, or for each of its variants) and `constants.rs` (the constants that both sides share).
 //!
-//! Without a GLSL compiler it takes the SPIR-V of `glsl/spirv`. The variable SOFTRAS_SPIRV chooses otherwise: `write`
+//! In a package, and without a GLSL compiler, it takes the SPIR-V of `glsl/spirv`. The variable SOFTRAS_SPIRV chooses otherwise: `write`
 //! compiles and replaces that folder, `check` compiles and compares with it, `packaged` never compiles.
 
 #[path = "build/compile.rs"]
@@ -84,7 +84,10 @@ enum Then {
 impl Source {
     fn choose() -> Result<Self, String> {
         let asked = std::env::var("SOFTRAS_SPIRV").unwrap_or_default();
+        // Cargo puts this file into packages, whose kernels are the same on every machine.
+        let is_package = Path::new("Cargo.toml.orig").is_file();
         let then = match asked.as_str() {
+            "" if is_package && cfg!(not(feature = "shaderc")) => return Ok(Self::Packaged),
             "" => Then::Nothing,
             "write" => Then::Write,
             "check" => Then::Check,

@@ -6,9 +6,9 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 use softras::{CacheFolder, Renderer, RendererOptions, Settings, shapes};
-use softras_lab::measure::Mode;
-use softras_lab::measure::subject::{camera, scene, settings};
-use softras_lab::measure::time::{median, upstream};
+use softras_check::measure::Mode;
+use softras_check::measure::subject::{camera, scene, settings};
+use softras_check::measure::time::{median, upstream};
 use std::path::Path;
 use std::process::Command;
 use std::time::Instant;

@@ -96,7 +96,7 @@ class Build:
             unpack(full, source)
         self.package = self.folder / "package"
         # Crates that silhouette8 of the commit takes; before there were any, it read its task with npyz.
-        crates = [source / "crates" / f"softras-{name}" for name in ("lab", "io", "fit")]
+        crates = [source / "crates" / f"softras-{name}" for name in ("check", "lab", "io", "fit")]
         arrays = [f'{crate.name} = {{ path = "{crate}" }}' for crate in crates if crate.is_dir()] or [NPYZ]
         own = crates[-1] / "benches" / "silhouette8.rs"
         self.package.mkdir(parents=True, exist_ok=True)

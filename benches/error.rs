@@ -9,10 +9,10 @@ mod published;
 mod subject;
 
 use softras::{Mesh, Renderer, shapes};
-use softras_lab::measure::subject::{camera, cameras, scene, settings};
-use softras_lab::measure::sweep::{front, front_settings};
-use softras_lab::measure::time::times;
-use softras_lab::measure::{Mode, error};
+use softras_check::measure::subject::{camera, cameras, scene, settings};
+use softras_check::measure::sweep::{front, front_settings};
+use softras_check::measure::time::times;
+use softras_check::measure::{Mode, error};
 
 fn main() {
     let mut renderer = Renderer::new().expect("a Vulkan device");

@@ -4,7 +4,7 @@
 mod subject;
 
 use softras::Renderer;
-use softras_lab::measure::{subject::settings, sweep::growth};
+use softras_check::measure::{subject::settings, sweep::growth};
 
 fn main() {
     let mut renderer = Renderer::new().expect("a Vulkan device");

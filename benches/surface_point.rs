@@ -9,9 +9,9 @@ mod subject;
 
 use softras::scene::{ColorAggregation, Interpolation, Outputs, SurfacePoint};
 use softras::{Camera, GradientRequest, Mesh, Projection, Renderer, Scene, Settings, shapes};
-use softras_lab::measure::subject::{DISTANCE, FOV, camera, framed, scene, settings};
-use softras_lab::measure::time::{median, times, upstream};
-use softras_lab::measure::{Mode, needles};
+use softras_check::measure::subject::{DISTANCE, FOV, camera, framed, scene, settings};
+use softras_check::measure::time::{median, times, upstream};
+use softras_check::measure::{Mode, needles};
 
 const SIZE: u32 = 256;
 /// The share of the range of depths from which a depth is wrong.

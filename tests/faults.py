@@ -27,7 +27,7 @@ PAIR, PIXELS = "glsl/common/pair_gradient.glsl", "glsl/common/pair.glsl"
 ROWS = "glsl/common/item_pixels.glsl"
 
 # Each fault: what is broken, the file, the text, its replacement, and the tests that should see it. These are a module of
-# `cargo test --test quick`. With `unit ` before it, it is one of the library's unit tests, with `fit `, `io ` or `lab ` one of
+# `cargo test --test quick`. With `unit ` before it, it is one of the library's unit tests, with `fit `, `io ` or `check ` one of
 # that package's tests. With `full ` it needs the full tier's sizes to see the fault, with `layers ` the validation layers.
 FAULTS = [
     ("remeshing that leaves the surface", "crates/softras-fit/src/remesh/surface.rs", "(self.positions[v], self.sizes[v]) = (point, size);",
@@ -91,7 +91,7 @@ FAULTS = [
      "const LARGEST_SOFT_WEIGHT: f64 = 4_194_304.0;", "const LARGEST_SOFT_WEIGHT: f64 = 1e30;",
      ["render::forward::log_weights"]),
     ("colours summed in the weights' unit", SOFT, "const float COLOR_UNIT = 1048576.0;",
-     "const float COLOR_UNIT = WEIGHT_UNIT;", ["lab found::the_brightest"]),
+     "const float COLOR_UNIT = WEIGHT_UNIT;", ["check found::the_brightest"]),
     ("stale bits of the frame before", "src/frame/passes/forward.rs", "    clear(recorder, bin_bits, plan.sizes[BufferId::BinBits])?;\n",
      "    let _ = bin_bits;\n", ["embed::ash_example::images_are_the_simple_apis"]),
     ("half of a sum's lanes lost", "glsl/reduce.comp", "for (int width = LANES / 2;", "for (int width = LANES / 4;",
@@ -136,14 +136,14 @@ FAULTS = [
      ["render::support::"]),
     ("background left where triangles were", "glsl/bin_fine.comp",
      "shape.marks_valid && tile_marks[tile] == TILE_BACKGROUND", "shape.marks_valid",
-     ["lab found::a_tile_that_a_triangle_has_left"]),
+     ["check found::a_tile_that_a_triangle_has_left"]),
     ("an eighth is next to nothing", "glsl/common/hidden.glsl", "NEXT_TO_NOTHING = -24.0", "NEXT_TO_NOTHING = -3.0",
      ["render::forward::random_scenes"]),
     ("both pieces of a cut triangle in full", "glsl/common/images.glsl",
      "alpha = min(alpha / float(max(triangle_count, 1)), 1.0);", "alpha = alpha / float(max(triangle_count, 1));",
-     ["lab drawn::the_pieces"]),
+     ["check drawn::the_pieces"]),
     ("gradients of a sum beyond 1", "glsl/pixel_grad.comp", "sums.aggregate > count ? 0.0 : up_alpha / count", "up_alpha / count",
-     ["lab drawn::the_pieces"]),
+     ["check drawn::the_pieces"]),
     ("opacity left out of the others' product", PAIR, "LEAST_APART && own > g.least ? g.least / own : 1.0", "1.0",
      ["modes::every_pair_of_choices_agrees"]),
     # Faults of the Rust side, in code whose tests need no device.
@@ -329,7 +329,7 @@ def cargo(test, arguments):
     """The command for a test by its name in the list, with the words before it that the list explains."""
     words = test.split()
     tier = {"full": {"SOFTRAS_TIER": "full"}, "layers": {"SOFTRAS_VALIDATION": "1"}}.get(words[0], {})
-    programs = {name: ["-p", f"softras-{name}", "--test", name] for name in ("fit", "io", "lab")}
+    programs = {name: ["-p", f"softras-{name}", "--test", name] for name in ("fit", "io", "check")}
     programs["unit"] = ["-p", "softras", "--lib"]
     program = programs.get(words[-2] if words[1:] else "", ["-p", "softras", "--test", "quick"])
     return ["cargo", "test", "-q", *program, *arguments], words[-1], tier

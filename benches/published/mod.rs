@@ -5,7 +5,7 @@
 //! `../shared/reference`. Only the official SoftRas has outputs there.
 
 #[allow(dead_code, reason = "shared with the parity tests")]
-#[path = "../../crates/softras-lab/tests/parity/recorded.rs"]
+#[path = "../../tests/parity/recorded.rs"]
 mod recorded;
 
 /// Milliseconds on spot, 5856 triangles, at 256², σ = γ = 1e-4, colour and silhouette.

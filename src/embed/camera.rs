@@ -209,7 +209,7 @@ impl HostCamera {
 mod tests {
     use super::*;
     use glam::{DVec3, DVec4};
-    use softras_lab::random::Random;
+    use softras_check::random::Random;
 
     const SIZE: (u32, u32) = (320, 200);
 

@@ -10,8 +10,8 @@ use softras::{
     Camera, Frame, GradientMode, GradientRequest, Gradients, Image, ImageGradient, Renderer, Scene, Settings,
     scene::Outputs,
 };
-use softras_lab::agreement;
-pub use softras_lab::agreement::{Group, norm, numbers, relative_error};
+use softras_check::agreement;
+pub use softras_check::agreement::{Group, norm, numbers, relative_error};
 use softras_reference::{ReferenceGradients, render_culled};
 
 /// What one comparison found: each gradient's relative error.

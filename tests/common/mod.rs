@@ -9,4 +9,4 @@ pub mod scenes;
 pub mod tolerance;
 
 pub use pool::*;
-pub use softras_lab::random;
+pub use softras_check::random;

@@ -1,6 +1,6 @@
 //! Random mutations of files: bytes that change, vanish or repeat, and numbers and lines that are hard to read.
 
-use softras_lab::stress::Random;
+use softras_check::stress::Random;
 use std::path::{Path, PathBuf};
 
 /// The files of a kind in the package's `tests/corpus`, in order.

@@ -22,8 +22,8 @@ pub struct Case {
 }
 
 impl Case {
-    pub fn subject(&self) -> softras_lab::agreement::Subject<'_> {
-        softras_lab::agreement::Subject { scene: &self.scene, cameras: &self.cameras, settings: &self.settings }
+    pub fn subject(&self) -> softras_check::agreement::Subject<'_> {
+        softras_check::agreement::Subject { scene: &self.scene, cameras: &self.cameras, settings: &self.settings }
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::scenes::{Case, Kind};
 use softras::{Projection, scene::Distance};
-pub use softras_lab::agreement::{GRADIENT, GradientTolerance};
+pub use softras_check::agreement::{GRADIENT, GradientTolerance};
 
 /// How far the kernels may be from the reference.
 #[derive(Clone, Copy, Debug)]

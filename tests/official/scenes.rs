@@ -5,7 +5,7 @@ use softras::Mesh;
 use softras::scene::{
     Appearance, ColorAggregation, Distance, Faces, FrontFace, Parity, Settings, SilhouetteAggregation,
 };
-use softras_lab::random::Random;
+use softras_check::random::Random;
 
 /// One official mode: everything that changes how the official renderer aggregates.
 #[derive(Clone, Copy, Debug)]

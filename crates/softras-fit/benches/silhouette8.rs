@@ -9,11 +9,11 @@
 use glam::DVec3;
 use softras::scene::{Outputs, SilhouetteAggregation};
 use softras::{Camera, GradientRequest, Image, ImageGradient, Mesh, Projection, Renderer, Scene, Settings};
+use softras_check::measure::time::median;
 use softras_fit::{
     CLOSED, ImageLoss, Method, Optimizer, Regularizer, Topology, laplacian_coordinates, mask_iou, soft_target,
 };
 use softras_io::npz;
-use softras_lab::measure::time::median;
 use std::path::Path;
 use std::time::Instant;
 

@@ -1,4 +1,4 @@
-//! Files of softras: meshes in OBJ, PLY, STL and glTF, and pictures in PNG and JPEG.
+//! Files of softras: meshes in OBJ, PLY, STL and glTF, pictures, and views, which are pictures with cameras.
 //!
 //! [`load`] reads a mesh with its colours and textures, [`save`] writes one. [`load_with`] also lists what a file has that
 //! softras does not draw: [`Loaded::notes`]. A reader takes only regular files, counts their memory before it is allocated, and

@@ -61,6 +61,11 @@ impl Archive {
         fault(&self.path, format!("key `{key}`: {what}"), fix)
     }
 
+    /// The keys of all arrays.
+    pub fn keys(&self) -> impl ExactSizeIterator<Item = &str> {
+        self.entries.keys().map(String::as_str)
+    }
+
     /// Whether the file has the key.
     pub fn has(&self, key: &str) -> bool {
         self.entries.contains_key(key)
@@ -93,7 +98,7 @@ impl Archive {
 
     /// The array of a key that must be present; `expected` describes its shape.
     pub fn require(&self, key: &str, expected: &str) -> Result<&Array> {
-        let keys = || listed(self.entries.keys().map(String::as_str));
+        let keys = || listed(self.keys());
         self.get(key)?.ok_or_else(|| self.fault(key, &format!("missing (the file has: {})", keys()), expected))
     }
 
@@ -102,15 +107,10 @@ impl Archive {
         let text = || self.fault(key, &format!("holds text ({})", array.dtype()), "numbers are expected");
         array.numbers().ok_or_else(text)
     }
-
-    /// The keys whose arrays nobody asked for.
-    pub fn unread(&self) -> Vec<&str> {
-        self.entries.iter().filter(|(_, entry)| entry.array.get().is_none()).map(|(key, _)| key.as_str()).collect()
-    }
 }
 
 /// The first of some keys, as a message shows them.
-pub fn listed<'a>(keys: impl ExactSizeIterator<Item = &'a str>) -> String {
+fn listed<'a>(keys: impl ExactSizeIterator<Item = &'a str>) -> String {
     let more = keys.len().saturating_sub(MAX_NAMED);
     let mut names: Vec<String> = keys.take(MAX_NAMED).map(text::name).collect();
     if more > 0 {

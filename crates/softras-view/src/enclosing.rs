@@ -75,7 +75,7 @@ fn through(points: &[DVec3]) -> Option<(DVec3, f64)> {
 mod tests {
     use super::*;
     use glam::DQuat;
-    use softras_lab::random::Random;
+    use softras_check::random::Random;
 
     fn of(points: &[DVec3]) -> (DVec3, f64) {
         enclosing(points.iter().copied()).unwrap()

@@ -3,7 +3,7 @@
 
 use crate::solid::{Section, Solid};
 use softras::{Mesh, Result};
-use softras_lab::random::Random;
+use softras_check::random::Random;
 
 /// The longest side of every object.
 pub const EXTENT: f64 = 0.9;

@@ -2,7 +2,7 @@
 
 use crate::VIEWS;
 use crate::data::Set;
-use softras_lab::random::Random;
+use softras_check::random::Random;
 
 /// Objects of a step, by their index, each with two views.
 pub struct Pairs(pub Vec<(usize, [usize; 2])>);

@@ -3,7 +3,7 @@
 use crate::common::renderer;
 use softras::scene::{Appearance, ColorAggregation, Outputs, SurfacePoint};
 use softras::{Camera, Image, Mesh, Projection, Renderer, Scene, Settings};
-use softras_lab::measure::needles;
+use softras_check::measure::needles;
 
 /// The share of pixels that may differ, and the share of the depth range from which a pixel differs.
 const FEW: f64 = 1e-3;

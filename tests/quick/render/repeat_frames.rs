@@ -15,7 +15,7 @@ use softras::{
     scene::{Appearance, Background, Shading},
     shapes,
 };
-use softras_lab::agreement::random_upstream;
+use softras_check::agreement::random_upstream;
 
 /// What a loop changes from step to step.
 #[derive(Clone)]

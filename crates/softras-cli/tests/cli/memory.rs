@@ -22,7 +22,7 @@ fn large_arrays_are_read_only_when_they_are_needed() {
     let with_zeros = |large: &str| {
         let others = keys.iter().zip(&original).filter(|(key, _)| **key != large);
         let npz = others.fold(Npz::deflated(), |npz, (key, numbers)| npz.f64(key, &[numbers.len()], numbers));
-        npz.raw(large, "|u1", false, &[1 << 29], &zeros).write(&path);
+        npz.raw(large, "|u1", &[1 << 29], &zeros).write(&path);
         assert!(fs::metadata(&path).unwrap().len() < 1 << 20);
     };
     with_zeros("junk");

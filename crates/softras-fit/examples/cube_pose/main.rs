@@ -8,8 +8,8 @@ mod landscape;
 use softras::glam::DVec3;
 use softras::scene::{Background, Faces};
 use softras::{Camera, Image, Projection, Renderer, Result, Scene, Settings, shapes};
+use softras_check::random::Random;
 use softras_fit::{Differentiation, Pose, PoseFit, PoseOptions, PoseTarget, Schedule, rotations};
-use softras_lab::random::Random;
 use std::path::Path;
 
 const SIZE: u32 = 32;

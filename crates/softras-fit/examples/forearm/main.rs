@@ -14,9 +14,9 @@ mod trial;
 
 use skeleton::SkeletonPose;
 use softras::{Error, Renderer, Result};
+use softras_check::random::Random;
 use softras_fit::pooled;
 use softras_io::{Curve, Picture};
-use softras_lab::random::Random;
 use softras_view::sheet;
 use std::path::Path;
 use trial::{STEPS, Stage, Trial, methods};

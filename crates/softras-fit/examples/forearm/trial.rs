@@ -6,8 +6,8 @@ use super::skeleton::SkeletonPose;
 use softras::glam::DVec3;
 use softras::scene::{Appearance, Background, ColorAggregation, Outputs};
 use softras::{Camera, Frame, GradientRequest, Mesh, Projection, Renderer, Result, Scene, Settings};
+use softras_check::random::Random;
 use softras_fit::{Optimizer, PoseTarget, Schedule};
-use softras_lab::random::Random;
 
 /// Side of the fitted picture in pixels.
 const SIZE: u32 = 64;

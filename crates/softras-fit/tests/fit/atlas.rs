@@ -4,9 +4,9 @@ use crate::common::tier;
 use crate::meshes::{self, both, grid, moved};
 use softras::scene::{Appearance, Background, DirectionalLight, Interpolation, Outputs, Texture, Wrap};
 use softras::{Camera, Error, Image, Lights, Mesh, Projection, Renderer, Scene, Settings, shapes};
+use softras_check::random::Random;
 use softras_fit::{ImageLoss, Schedule, ShapeFit, ShapeOptions, pooled, with_atlas};
 use softras_io::Views;
-use softras_lab::random::Random;
 use std::collections::HashMap;
 
 /// The parts of a mesh with one texture.

@@ -13,7 +13,7 @@ mod trial;
 use crate::common::tier;
 use glam::DVec3;
 use skeleton::SkeletonPose;
-use softras_lab::random::Random;
+use softras_check::random::Random;
 
 /// The largest difference between the pulled gradient of Σ w·x and central differences, in parts of the largest.
 fn pull_error(seed: u64, factor: f64) -> f64 {

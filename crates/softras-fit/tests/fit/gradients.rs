@@ -4,10 +4,10 @@ use crate::meshes::{points, topology};
 use glam::DVec3;
 use softras::Image;
 use softras::shapes;
+use softras_check::random::Random;
 use softras_fit::{
     ImageLoss, LossGradient, Regularizer, Topology, blurred, blurred_gradient, mask_iou, pooled, pooled_gradient,
 };
-use softras_lab::random::Random;
 
 const LOSSES: [ImageLoss; 3] = [ImageLoss::NegativeIou, ImageLoss::L1, ImageLoss::L2];
 

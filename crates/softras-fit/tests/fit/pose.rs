@@ -4,8 +4,8 @@ use crate::common::{renderer_with, tier};
 use glam::{DQuat, DVec3};
 use softras::scene::{Appearance, Background, Faces};
 use softras::{Camera, Image, Mesh, Projection, Renderer, RendererOptions, Scene, Settings, shapes};
+use softras_check::random::Random;
 use softras_fit::{Differentiation, Pose, PoseFit, PoseOptions, PoseSearch, PoseTarget, Schedule, pooled, rotations};
-use softras_lab::random::Random;
 
 fn settings() -> Settings {
     let (background, faces) = (Background::Composite, Faces::Front);

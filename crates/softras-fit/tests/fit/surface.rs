@@ -4,9 +4,9 @@ use crate::common::{self, tier};
 use crate::meshes::{self, PERSPECTIVE, euler, mapped, scaled};
 use softras::scene::{Background, Outputs};
 use softras::{Camera, Image, Lights, Mesh, Renderer, Scene, Settings, shapes};
+use softras_check::random::Random;
 use softras_fit::{ImageLoss, Method, Parametrization, ShapeFit, ShapeOptions, pooled, voxel_iou};
 use softras_io::Views;
-use softras_lab::random::Random;
 
 const SIDE: u32 = 24;
 const ALL: Outputs = Outputs { color: false, silhouette: true, depth: true, normal: true };

@@ -234,7 +234,7 @@ mod tests {
     use super::*;
 
     use exr::prelude::{SpecificChannels, WritableImage};
-    use softras_lab::random::Random;
+    use softras_check::random::Random;
 
     #[test]
     fn no_damaged_map_is_more_than_an_error() {

@@ -9,7 +9,7 @@ mod formats;
 #[path = "../../../../tests/common/mutate.rs"]
 mod mutate;
 mod mutation;
-#[allow(dead_code, reason = "shared with the tests of the command and of the laboratory")]
+#[allow(dead_code, reason = "shared with the tests of the command")]
 mod numpy;
 mod obj;
 mod save;

@@ -9,7 +9,7 @@ use softras::{
     scene::{Appearance, Texture, Wrap},
     shapes,
 };
-use softras_lab::stress::Random;
+use softras_check::stress::Random;
 use std::{fs, panic, path::Path};
 
 /// Reading a mesh takes at most so many bytes for each byte of its files, besides [`SLACK`]: a triangle of a few

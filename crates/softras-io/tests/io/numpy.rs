@@ -21,11 +21,10 @@ impl Npz {
         Self { arrays: Vec::new(), deflated: true }
     }
 
-    /// Adds an array from its type, order, shape and bytes.
-    pub fn raw(mut self, key: &str, descr: &str, fortran: bool, shape: &[usize], data: &[u8]) -> Self {
-        let order = if fortran { "True" } else { "False" };
+    /// Adds an array from its type, shape and bytes.
+    pub fn raw(mut self, key: &str, descr: &str, shape: &[usize], data: &[u8]) -> Self {
         let sides: String = shape.iter().map(|n| format!("{n},")).collect();
-        let mut header = format!("{{'descr': '{descr}', 'fortran_order': {order}, 'shape': ({sides}), }}");
+        let mut header = format!("{{'descr': '{descr}', 'fortran_order': False, 'shape': ({sides}), }}");
         header.push_str(&" ".repeat(63 - (header.len() + 10) % 64));
         header.push('\n');
         let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
@@ -38,26 +37,17 @@ impl Npz {
 
     pub fn f32(self, key: &str, shape: &[usize], values: &[f32]) -> Self {
         let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
-        self.raw(key, "<f4", false, shape, &bytes)
+        self.raw(key, "<f4", shape, &bytes)
     }
 
     pub fn f64(self, key: &str, shape: &[usize], values: &[f64]) -> Self {
         let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
-        self.raw(key, "<f8", false, shape, &bytes)
+        self.raw(key, "<f8", shape, &bytes)
     }
 
     pub fn i64(self, key: &str, shape: &[usize], values: &[i64]) -> Self {
         let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
-        self.raw(key, "<i8", false, shape, &bytes)
-    }
-
-    pub fn bool(self, key: &str, value: bool) -> Self {
-        self.raw(key, "|b1", false, &[], &[value.into()])
-    }
-
-    pub fn text(self, key: &str, text: &str) -> Self {
-        let bytes: Vec<u8> = text.chars().flat_map(|c| u32::from(c).to_le_bytes()).collect();
-        self.raw(key, &format!("<U{}", text.chars().count()), false, &[], &bytes)
+        self.raw(key, "<i8", shape, &bytes)
     }
 
     pub fn bytes(&self) -> Vec<u8> {

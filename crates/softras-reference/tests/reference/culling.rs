@@ -1,7 +1,7 @@
 //! What is left out changes nothing, or what it is promised to.
 
 use super::*;
-use softras_lab::random::Random;
+use softras_check::random::Random;
 
 pub fn culled(scene: &Scene, settings: &Settings) -> ReferenceFrame {
     render_culled(scene, &[Camera::screen()], settings).unwrap()

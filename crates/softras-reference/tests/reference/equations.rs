@@ -1,7 +1,7 @@
 //! Official parity: the f64 reference against the official renderer's equations, which `tests/official` recomputes without any
 //! code of the reference, in every mode that the official renderer has. The kernels are compared with the reference.
 //!
-//! `cargo test -p softras-lab --test parity` compares those equations, the reference and the kernels with recorded outputs of
+//! `cargo test --test parity` compares those equations, the reference and the kernels with recorded outputs of
 //! the official kernels where these are at hand.
 
 use crate::common::{random::Random, tolerance::GRADIENT};

@@ -4,7 +4,7 @@ use crate::commands::mesh_file::ReadArgs;
 use crate::commands::parse;
 use crate::commands::render::args::{BackgroundMode, Support};
 use clap::{Args, builder::PossibleValuesParser};
-use softras_lab::measure::{Mode, subject};
+use softras_check::measure::{Mode, subject};
 use std::path::PathBuf;
 
 /// Measure this device: run time, pairs and error by size and mode

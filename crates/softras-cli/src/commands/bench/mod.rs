@@ -13,9 +13,9 @@ use machine::Machine;
 use rows::{Expected, Job, Row, measure, rows};
 use serde_json::Value;
 use softras::{Camera, Error, Mesh, Renderer, Scene, shapes};
+use softras_check::measure::{Mode, subject, sweep};
 use softras_io::Budget;
 use softras_io::output;
-use softras_lab::measure::{Mode, subject, sweep};
 use std::path::Path;
 
 pub fn run(args: &BenchArgs) -> Result<(), Failure> {

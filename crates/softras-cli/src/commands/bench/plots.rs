@@ -5,7 +5,7 @@ use crate::commands::svg;
 use plotters::coord::combinators::IntoLogRange;
 use plotters::prelude::*;
 use softras::Result;
-use softras_lab::measure::sweep::{Curve, Growth};
+use softras_check::measure::sweep::{Curve, Growth};
 use std::path::Path;
 
 const SIZE: (u32, u32) = (900, 560);

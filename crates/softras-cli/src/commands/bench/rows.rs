@@ -5,9 +5,9 @@ use crate::commands::describe;
 use serde_json::{Map, Value, json};
 use softras::StageTime;
 use softras::{Camera, Renderer, Result, Scene, Settings};
-use softras_lab::measure::Mode;
-use softras_lab::measure::error::{self, ImageError};
-use softras_lab::measure::time::{Times, times, upstream};
+use softras_check::measure::Mode;
+use softras_check::measure::error::{self, ImageError};
+use softras_check::measure::time::{Times, times, upstream};
 use softras_reference::Pairs;
 use softras_reference::ReferenceFrame;
 

@@ -4,7 +4,7 @@ use super::{Failure, say};
 use clap::Args;
 use serde_json::{Value, json};
 use softras::Renderer;
-use softras_lab::check::{Case, Findings, GRADIENTS, IMAGE_TOLERANCE, IMAGES, cases, compare};
+use softras_check::check::{Case, Findings, GRADIENTS, IMAGE_TOLERANCE, IMAGES, cases, compare};
 use std::time::Instant;
 
 /// Test a device: compare small scenes and gradients with the model in f64

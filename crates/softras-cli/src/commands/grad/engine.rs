@@ -3,7 +3,7 @@
 use crate::commands::open_device;
 use softras::scene::Outputs;
 use softras::{Camera, Error, GradientMode, GradientRequest, Image, ImageGradient, Renderer, Result, Scene, Settings};
-use softras_lab::gradients;
+use softras_check::gradients;
 
 /// The renderer to use.
 pub enum Engine {

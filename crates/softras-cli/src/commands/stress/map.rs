@@ -3,7 +3,7 @@
 use crate::commands::{progress::Progress, svg};
 use plotters::prelude::*;
 use softras::Result;
-use softras_lab::stress::{Stress, at, image_error};
+use softras_check::stress::{Stress, at, image_error};
 use std::path::Path;
 
 /// Number of scenes at each σ and γ.

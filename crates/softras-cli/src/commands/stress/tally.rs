@@ -1,7 +1,7 @@
 //! The tally of many cases: counts, worst errors and findings.
 
 use serde_json::{Value, json};
-use softras_lab::stress::{Finding, Outcome};
+use softras_check::stress::{Finding, Outcome};
 use std::collections::BTreeMap;
 
 /// The most findings that are kept with their texts.

@@ -1,7 +1,7 @@
 //! Tests of vertices, faces and polygons.
 
 use super::*;
-use softras_lab::random::Random;
+use softras_check::random::Random;
 
 #[test]
 fn vertices_keep_the_order_of_the_file_across_groups_and_materials() {

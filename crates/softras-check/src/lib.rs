@@ -1,14 +1,13 @@
-//! What softras is measured and tested with, by the command, the benchmarks and the tests.
+//! Checks a device against the f64 reference of the soft rasterizer softras, and measures its speed. The commands `softras check`,
+//! `softras bench` and `softras stress` print what this crate finds.
 //!
 //! [`check`] compares a device with the f64 reference on small scenes. [`stress`] draws random scenes and checks what softras
 //! promises of every scene. [`measure`] times frames and compares them with the least possible time and with the f64 reference.
 //! [`agreement`] says how far gradients are from the reference's, [`gradients`] brings upstream gradients into its form, and
 //! [`random`] generates all random numbers.
 //!
-//! The program of this package renders archives of arrays: `cargo run --release -p softras-lab -- eval --help`.
-//!
 //! ```
-//! use softras_lab::check::{cases, compare};
+//! use softras_check::check::{cases, compare};
 //!
 //! # fn main() -> softras::Result<()> {
 //! let mut renderer = softras::Renderer::new()?;

@@ -5,7 +5,7 @@ use crate::common::{case_count, tier, validates};
 use glam::{DMat4, DVec3};
 use softras::scene::{Distance, Outputs, SilhouetteAggregation};
 use softras::{Camera, GradientMode, Mesh, Projection, RendererOptions, Scene, Settings};
-use softras_lab::stress::{Case, Kind, Promise, Stress, batch};
+use softras_check::stress::{Case, Kind, Promise, Stress, batch};
 
 /// The combinations of modes that time allows to compile here; all of them run in `softras stress`.
 const ONE: Kind = Kind { forms: 1, realistic: false };
@@ -53,10 +53,10 @@ fn a_wrong_scene_is_far_from_the_reference() {
     let mut stress = stress();
     let case = promised();
     let frame = stress.renderer().render(&case.scene, &case.cameras, &case.settings).unwrap();
-    assert!(softras_lab::stress::image_error(&frame, &case).unwrap() < 1e-3);
+    assert!(softras_check::stress::image_error(&frame, &case).unwrap() < 1e-3);
     let mut other = case.clone();
     other.settings.background_color = case.settings.background_color.map(|c| 1.0 - c);
-    assert!(softras_lab::stress::image_error(&frame, &other).unwrap() > 1e-3);
+    assert!(softras_check::stress::image_error(&frame, &other).unwrap() > 1e-3);
 }
 
 #[test]

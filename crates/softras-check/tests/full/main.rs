@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 use softras::RendererOptions;
-use softras_lab::stress::{Kind, Promise, Stress, batch};
+use softras_check::stress::{Kind, Promise, Stress, batch};
 
 fn stress() -> Stress {
     let validation = std::env::var("SOFTRAS_VALIDATION").is_ok_and(|value| value == "1");

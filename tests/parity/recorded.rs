@@ -4,15 +4,15 @@ use softras::scene::{
     Appearance, Camera, ColorAggregation, Distance, Faces, FrontFace, Mesh, Parity, Scene, Settings,
     SilhouetteAggregation,
 };
+use softras::{Image, ImageGradient};
 use softras_io::{npy, npz};
 use softras_reference::Upstream;
 use std::path::{Path, PathBuf};
 
-/// Where the recorded files lie: beside the repository, which contains the package that this is compiled in.
+/// Where the recorded files lie.
 pub fn folder() -> PathBuf {
-    let package = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let repository = package.ancestors().find(|folder| folder.join("Cargo.lock").is_file()).unwrap_or(package);
-    repository.join("../shared/reference")
+    let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/reference");
+    std::env::var_os("SOFTRAS_RECORDED").map_or_else(beside, PathBuf::from)
 }
 
 /// An npz file of the folder.
@@ -47,6 +47,7 @@ fn rows<const N: usize>(values: &[f32]) -> Vec<[f32; N]> {
 
 /// A recorded case: scene, cameras, settings as the official run had them.
 pub struct Case {
+    pub name: String,
     pub archive: Archive,
     pub scene: Scene,
     pub cameras: Vec<Camera>,
@@ -64,7 +65,7 @@ impl Case {
         let (vertices, colors) = (vertices.chunks(vertices.len() / shape[0]), colors.chunks(colors.len() / shape[0]));
         let meshes = vertices.zip(colors).map(|(v, c)| soup(v, c, surface)).collect::<Vec<_>>();
         let cameras = vec![Camera::screen(); meshes.len()];
-        Self { archive, scene: Scene::batch(meshes), cameras, settings }
+        Self { name: name.into(), archive, scene: Scene::batch(meshes), cameras, settings }
     }
 
     /// `[B, 4, H, W]` of the official renderer as colour `[B, H, W, 3]` and silhouette `[B, H, W]`.
@@ -76,9 +77,24 @@ impl Case {
         self.planes(&self.archive.f64s("soft_colors"))
     }
 
+    pub fn is_surface(&self) -> bool {
+        matches!(self.scene.meshes[0].appearance(), Appearance::Surface { .. })
+    }
+
+    /// The derivatives of a loss by the image, as the kernels take them.
+    pub fn image_gradient(&self) -> ImageGradient {
+        let (color, silhouette) = self.planes(&self.archive.f64s("grad_soft_colors"));
+        let [height, width] = [self.settings.height, self.settings.width].map(|side| side as usize);
+        let image = |channels, values: Vec<f64>| {
+            let data = values.into_iter().map(|x| x as f32).collect();
+            Some(Image { batch: self.cameras.len(), height, width, channels, data })
+        };
+        ImageGradient { color: image(3, color), silhouette: image(1, silhouette), ..ImageGradient::default() }
+    }
+
+    /// The same, as the reference takes them.
     pub fn upstream(&self) -> Upstream {
-        let values: Vec<f64> = self.archive.f32s("grad_soft_colors").into_iter().map(f64::from).collect();
-        let (color, silhouette) = self.planes(&values);
+        let (color, silhouette) = self.planes(&self.archive.f64s("grad_soft_colors"));
         Upstream { d_color: Some(color), d_silhouette: Some(silhouette), ..Upstream::default() }
     }
 }
