@@ -16,7 +16,7 @@ layout(set = 0, binding = 1) uniform usamplerBuffer bin_bits;
 layout(set = 0, binding = 2) uniform isamplerBuffer boxes;
 layout(set = 0, binding = 3) uniform samplerBuffer geometry;
 layout(set = 0, binding = 4, std430) writeonly buffer BinRanges { uvec2 bin_ranges[]; };
-layout(set = 0, binding = 5, std430) buffer CoarseRecords { uint coarse_records[]; };
+layout(set = 0, binding = 5, std430) coherent buffer CoarseRecords { uint coarse_records[]; };
 layout(set = 0, binding = 6, std430) writeonly buffer CoarseWords { uvec2 coarse_words[]; };
 layout(set = 0, binding = 7, std430) buffer Status { uint status[]; };
 layout(set = 0, binding = 8) uniform samplerBuffer shading;

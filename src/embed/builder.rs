@@ -263,12 +263,9 @@ impl PassBuilder {
             let what = format!("an alignment of {}", self.alignment);
             return Err(Error::Host { what, fix: "use a power of two".into() });
         }
-        let mut settings = self.settings.clone();
-        let size = (settings.width, settings.height);
+        let size = (self.settings.width, self.settings.height);
         let cameras = self.views.iter().map(|view| view.camera(size)).collect::<Result<Vec<_>>>()?;
-        let planes = cameras.iter().map(ViewCamera::planes).fold(None, widest);
-        set_planes(&mut settings, self.planes.or(planes))?;
-        settings.save |= self.wanted.is_some();
+        let settings = self.resolved(&self.settings, cameras.iter().copied())?;
         let adjacency = settings.save || self.lights.shading == Shading::Smooth;
         let tables = match self.tables.take().filter(|made| made.adjacency == adjacency) {
             Some(made) => made,
@@ -287,6 +284,24 @@ impl PassBuilder {
         let added = gradients.as_ref().map_or(&[][..], GradientPlan::buffers);
         let layouts = Layouts::new(frame.buffers(), added, &tables, &wishes)?;
         Ok(PassPlan { builder: self, frame, gradients, settings, cameras, tables, layouts })
+    }
+
+    /// The settings that a frame is rendered with: those that the user gave, with near and far as [`planes`](Self::planes) says.
+    pub(super) fn resolved(&self, given: &Settings, cameras: impl Iterator<Item = ViewCamera>) -> Result<Settings> {
+        let mut settings = given.clone();
+        settings.save |= self.wanted.is_some();
+        let Some([near, far]) = self.planes.or_else(|| cameras.filter_map(|view| view.planes()).reduce(widest)) else {
+            return Ok(settings);
+        };
+        if near <= 0.0 {
+            let fix =
+                "move the viewer back behind what is drawn, or give PassBuilder::planes that begin in front of it";
+            return Err(Error::Camera { field: "near plane", value: near.to_string(), fix: fix.into() });
+        }
+        settings.near = near;
+        // If a plane is infinite, the settings' own is used.
+        settings.far = if far <= 1e12 { far } else { settings.far };
+        Ok(settings)
     }
 
     fn shape(&self, tables: &Tables, cameras: &[ViewCamera], settings: &Settings) -> Result<FrameShape> {
@@ -362,25 +377,8 @@ impl ViewCamera {
 }
 
 /// The nearest near plane and the farthest far plane.
-pub(super) fn widest(planes: Option<[f64; 2]>, more: Option<[f64; 2]>) -> Option<[f64; 2]> {
-    match (planes, more) {
-        (Some([near, far]), Some(own)) => Some([near.min(own[0]), far.max(own[1])]),
-        (planes, more) => planes.or(more),
-    }
-}
-
-/// Near and far as [`PassBuilder::planes`] says.
-pub(super) fn set_planes(settings: &mut Settings, planes: Option<[f64; 2]>) -> Result<()> {
-    let Some([near, far]) = planes else { return Ok(()) };
-    if near <= 0.0 {
-        let fix =
-            "move the viewer back behind what is drawn, or give PassBuilder::planes that begin in front of it".into();
-        return Err(Error::Camera { field: "near plane", value: near.to_string(), fix });
-    }
-    settings.near = near;
-    // If a plane is infinite, the settings' own is used.
-    settings.far = if far <= 1e12 { far } else { settings.far };
-    Ok(())
+fn widest(planes: [f64; 2], more: [f64; 2]) -> [f64; 2] {
+    [planes[0].min(more[0]), planes[1].max(more[1])]
 }
 
 /// The support that the settings promise, whatever the depths between near and far.

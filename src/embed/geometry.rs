@@ -2,6 +2,7 @@
 
 use crate::constants as c;
 use crate::error::{Error, Result};
+use crate::frame::plan::MOST_TRIANGLES;
 
 /// What one draw of a host draws, as VkDrawIndexedIndirectCommand has it, and how many vertices it reads.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -68,7 +69,7 @@ impl Geometry {
         Self { draws, ..Self::default() }
     }
 
-    /// Refuses more placed vertices or corners than kernels can index, and more than 60000 draws and instances together.
+    /// Refuses more placed vertices or triangles than kernels can count, and more than 60000 draws and instances together.
     pub fn validate(&self) -> Result<()> {
         let draws = &self.draws;
         let sum = |each: fn(&Draw) -> u64| draws.iter().map(each).fold(0u64, u64::saturating_add);
@@ -81,7 +82,7 @@ impl Geometry {
         let elements = i32::MAX as u64;
         let placed = |count: u32, d: &Draw| u64::from(count) * u64::from(d.instances);
         limit("a geometry", 3 * draws.iter().map(|d| placed(d.vertices, d)).sum::<u64>(), "coordinates", elements)?;
-        limit("a geometry", 3 * draws.iter().map(|d| placed(d.triangles, d)).sum::<u64>(), "corners", elements)?;
+        limit("a geometry", draws.iter().map(|d| placed(d.triangles, d)).sum(), "triangles", MOST_TRIANGLES)?;
         let end = |first: u32, count: u64| u64::from(first) + count;
         let last = draws.iter().map(|d| end(d.first_vertex, d.vertices.into())).max().unwrap_or(0);
         limit("a host's vertex buffer", last, "vertices", elements)?;
@@ -178,6 +179,7 @@ mod tests {
         let fits =
             |draw: Draw| Geometry::new(vec![Draw { instances: draw.instances.max(1), ..draw }]).validate().is_ok();
         let (most, none) = (i32::MAX as u32, Draw::default());
+        let triangles = MOST_TRIANGLES as u32;
         for (last, beyond) in [
             (Draw { instances: 59_999, ..none }, Draw { instances: 60_000, ..none }),
             (Draw { vertices: most / 3, ..none }, Draw { vertices: most / 3 + 1, ..none }),
@@ -186,8 +188,8 @@ mod tests {
                 Draw { vertices: most / 21 + 1, instances: 7, ..none },
             ),
             (
-                Draw { triangles: most / 21, instances: 7, ..none },
-                Draw { triangles: most / 21 + 1, instances: 7, ..none },
+                Draw { triangles: triangles / 8, instances: 8, ..none },
+                Draw { triangles: triangles / 8 + 1, instances: 8, ..none },
             ),
             (
                 Draw { first_vertex: most - 4, vertices: 4, ..none },

@@ -124,6 +124,11 @@ impl PassMesh {
 
     /// The three vertices of every placed triangle, counted from `base`.
     pub(super) fn placed_triangles(&self, mesh: usize, base: u32) -> Result<Vec<[u32; 3]>> {
+        let read = self.geometry.source_indices();
+        if read > self.indices.len() as u64 {
+            let what = format!("there are {} indices, and draws read {read}", self.indices.len());
+            return bad_index(mesh, self.indices.len(), what);
+        }
         let mut triangles = Vec::with_capacity(self.geometry.triangles() as usize);
         for (draw, row) in self.geometry.draws().iter().zip(self.geometry.table()) {
             for instance in 0..draw.instances {

@@ -184,7 +184,8 @@ impl Pass {
     }
 
     /// The part of `texels` that a mesh's texture is: four floats a texel, row 0 at the top. A host that gives no
-    /// [`TexelSource`](super::TexelSource) writes it with a kernel of its own.
+    /// [`TexelSource`](super::TexelSource) writes it with a kernel of its own. Its offset is a multiple of 16, which need not be one of
+    /// minStorageBufferOffsetAlignment: bind the whole [`buffer`](Self::buffer) then, and give the kernel the offset.
     pub fn texels(&self, mesh: usize) -> Option<BufferRef> {
         let placed = self.plan.tables.placed.get(mesh)?;
         let super::MeshLook::Texture { size: (width, height), .. } = placed.look else { return None };
@@ -193,7 +194,8 @@ impl Pass {
     }
 
     /// The part of `vertex_normals` that a mesh planned [`with_normals`](super::PassMesh::with_normals) has: three floats, of unit
-    /// length, for each of its vertices as they are placed. A kernel of the host's writes it, behind the setup.
+    /// length, for each of its vertices as they are placed. A kernel of the host's writes it, behind the setup. Its offset is a
+    /// multiple of 4; see [`texels`](Self::texels).
     pub fn normals(&self, mesh: usize) -> Option<BufferRef> {
         let geometry = &self.plan.tables.placed.get(mesh)?.geometry;
         let at = self.buffer(BufferId::VertexNormals)?;

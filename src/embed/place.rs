@@ -91,10 +91,10 @@ impl Rasterizer {
         gradients: Option<&GradientBindings>,
     ) -> Result<BoundMesh> {
         let geometry = &placed.geometry;
-        let instances = geometry.instances();
-        if buffers.transforms.is_none() && instances > geometry.draws().len() as u32 {
+        let most = geometry.draws().iter().map(|draw| draw.instances).max().unwrap_or(0);
+        if buffers.transforms.is_none() && most > 1 {
             let fix = "give MeshBuffers::transforms, one for each instance";
-            return misfit(format!("{instances} instances and no transforms"), fix);
+            return misfit(format!("a draw of {most} instances and no transforms"), fix);
         }
         // Without draws nothing is recorded.
         let draws = if geometry.draws().is_empty() {

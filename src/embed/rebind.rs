@@ -1,6 +1,6 @@
 //! Changes of a bound pass: cameras, lights and settings in place, everything else by binding anew.
 
-use super::builder::{Content, PassPlan, View, ViewCamera, cutoff_of, set_planes, widest};
+use super::builder::{Content, PassPlan, View, cutoff_of};
 use super::camera::{CameraMatrices, ClipSpace};
 use super::memory::PassMemory;
 use super::mesh::MeshBuffers;
@@ -49,11 +49,8 @@ impl Pass {
     /// # Errors
     /// [`Error::Settings`], and [`Error::Host`] where they need other kernels or more memory.
     pub fn set_settings(&mut self, settings: Settings) -> Result<()> {
-        let builder = &self.plan.builder;
-        let (mut used, new_size) = (settings.clone(), (settings.width, settings.height));
-        let planes = self.plan.cameras.iter().map(ViewCamera::planes).fold(None, widest);
-        set_planes(&mut used, builder.planes.or(planes))?;
-        used.save |= builder.wanted.is_some();
+        let new_size = (settings.width, settings.height);
+        let used = self.plan.builder.resolved(&settings, self.plan.cameras.iter().copied())?;
         if new_size != self.plan.image_size() {
             let what = format!("images of {new_size:?} pixels for a pass of {:?}", self.plan.image_size());
             return Err(Error::Host { what, fix: "plan and rebind for another size".into() });
@@ -106,19 +103,16 @@ impl PassPlan {
             });
         }
         let size = self.image_size();
-        let mut planes = None;
         for view in views.clone() {
             let camera = view.camera(size)?;
             if matches!(camera.camera.projection(), Projection::Official { .. }) && !self.frame.shape.distorted {
                 let what = "the pass was planned without cameras that distort".into();
                 return Err(Error::Host { what, fix: "plan and rebind with one".into() });
             }
-            planes = widest(planes, camera.planes());
         }
-        let mut settings = self.settings.clone();
-        set_planes(&mut settings, self.builder.planes.or(planes))?;
-        let cameras = views.clone().filter_map(|view| view.camera(size).ok());
-        let cutoff = self.cutoff(cameras.map(|view| view.camera), &settings)?;
+        let cameras = || views.clone().filter_map(|view| view.camera(size).ok());
+        let settings = self.builder.resolved(&self.builder.settings, cameras())?;
+        let cutoff = self.cutoff(cameras().map(|view| view.camera), &settings)?;
         self.set_frame(settings, cutoff, None)?;
         for ((own, camera), view) in self.builder.views.iter_mut().zip(&mut self.cameras).zip(views) {
             (*own, *camera) = (view, view.camera(size)?);

@@ -3,7 +3,7 @@
 use super::shared::Shared;
 use super::slot::{Saved, Slot};
 use super::{Frame, Renderer, StageTime};
-use crate::embed::{Decoder, Differentiate, FramePlan, GradientBindings, GradientPlan};
+use crate::embed::{Decoder, Differentiate, FramePlan, GradientPlan};
 use crate::error::{Error, Result};
 use crate::frame::buffers::{BufferId, Role};
 use crate::gradients::{GradientRequest, Gradients, ImageGradient};
@@ -56,7 +56,7 @@ impl Renderer {
         let s = &saved.settings;
         upstream.validate(s.outputs, saved.cameras.len(), s.height as usize, s.width as usize)?;
         let plan = self.slots[at].plan_backward(&saved.plan, s, upstream, wanted)?;
-        self.with_room(at, |slot, shared, taken| slot.make_room_backward(shared, &saved.plan, &plan, taken))?;
+        self.make_room(at, &[saved.plan.buffers(), plan.buffers()].concat(), true)?;
         let slot = &mut self.slots[at];
         slot.write_upstream(upstream)?;
         slot.prepare_backward(&self.shared, &plan, wanted, self.timed)?;
@@ -112,25 +112,6 @@ impl Slot {
         Ok(plan)
     }
 
-    /// Makes every buffer of the pass large enough. Other frames take `taken` bytes already.
-    fn make_room_backward(
-        &mut self,
-        shared: &Shared,
-        frame: &FramePlan,
-        plan: &GradientPlan,
-        taken: u64,
-    ) -> Result<()> {
-        shared.validate_memory(frame.buffers().iter().chain(plan.buffers()), taken)?;
-        for needed in plan.buffers() {
-            let reserved = self.buffers.reserve(&shared.context, needed.id, needed.size);
-            if !matches!(reserved, Ok(false)) {
-                self.backward.forget();
-            }
-            reserved?;
-        }
-        Ok(())
-    }
-
     fn write_upstream(&mut self, upstream: &ImageGradient) -> Result<()> {
         let alpha = upstream.silhouette.as_ref();
         if let Some(color) = &upstream.color {
@@ -167,12 +148,11 @@ impl Slot {
         wanted: &GradientRequest,
         timed: bool,
     ) -> Result<()> {
-        let same =
-            |(recorded, _): &(Arc<GradientPlan>, GradientBindings)| Arc::ptr_eq(recorded, plan) || recorded == plan;
-        if self.backward.recorded.as_ref().is_some_and(same) {
+        let same = |recorded: &Arc<GradientPlan>| Arc::ptr_eq(recorded, plan) || recorded == plan;
+        if self.backward.recorded.as_ref().is_some_and(|(recorded, _, times)| *times == timed && same(recorded)) {
             return Ok(());
         }
-        let Some((_, frame)) = &self.recorded else {
+        let Some((_, frame, _)) = &self.recorded else {
             return refused("the frame's commands are gone", "render it again");
         };
         let parts = self.buffers.parts(plan.buffers().iter().map(|b| b.id))?;
@@ -205,7 +185,7 @@ impl Slot {
             recorder.barrier_to_host();
             Ok(())
         })?;
-        self.backward.recorded = Some((plan.clone(), bindings));
+        self.backward.recorded = Some((plan.clone(), bindings, timed));
         Ok(())
     }
 }

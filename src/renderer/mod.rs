@@ -13,13 +13,14 @@ pub use fragments::{Fragment, Fragments};
 pub use frame::{Frame, FrameCounts, StageTime};
 
 use crate::constants as c;
-use crate::embed::{FrameShape, Rasterizer};
+use crate::embed::{BufferRequirement, FramePlan, FrameShape, Rasterizer};
 use crate::error::{Error, Result};
 use crate::frame::plan::{Capacity, Rare};
 use crate::scene::{Camera, Scene, Settings};
 use crate::vulkan::{CacheFolder, Context, ContextOptions, DeviceInfo, DeviceKind, Loader};
 use shared::Shared;
 use slot::{Saved, Slot};
+use std::sync::Arc;
 
 /// How to open a renderer.
 #[derive(Clone, Debug, Default)]
@@ -57,8 +58,8 @@ pub struct Renderer {
     rendered: u64,
     timed: bool,
     backward_timings: Vec<StageTime>,
-    /// The room for lists that the frames so far had or would have needed.
-    capacity: Option<Capacity>,
+    /// The room for lists that the latest kinds of frames had or would have needed, the latest kind last.
+    capacities: Vec<(Kind, Capacity)>,
     /// The rarely needed kernels that some frame has needed so far. They take as long to compile as all others
     /// together, so the first frame that needs one is rendered again with it. Lists without room are walked once a
     /// frame has needed more memory than the device can hold.
@@ -115,7 +116,7 @@ impl Renderer {
             timed: false,
             backward_timings: Vec::new(),
             rare,
-            capacity: None,
+            capacities: Vec::new(),
         })
     }
 
@@ -151,10 +152,7 @@ impl Renderer {
     /// [`Renderer::backward_timings`]). They are off at first, since each stage then waits for the
     /// timestamp of the stage before.
     pub fn time_stages(&mut self, on: bool) {
-        if self.timed != on {
-            self.timed = on;
-            self.slots.iter_mut().for_each(Slot::forget);
-        }
+        self.timed = on;
     }
 
     /// Counts of the latest frame, for measurements.
@@ -184,26 +182,29 @@ impl Renderer {
     /// [`Error::Vulkan`].
     pub fn render(&mut self, scene: &Scene, cameras: &[Camera], settings: &Settings) -> Result<Frame> {
         let mut shape = FrameShape::of(scene, cameras, settings)?;
-        let estimated = |kept: Capacity| kept.max(Capacity::estimate(settings, shape.cutoff, &shape.view_sizes()));
-        shape.capacity = self.capacity.map(estimated);
-        self.latest = self.take_slot(&shape, settings)?;
-        let plan = loop {
-            let plan = self.slots[self.latest].plan(&self.shared, &shape, settings, self.rare)?;
-            self.with_room(self.latest, |slot, shared, taken| slot.make_room(shared, &plan, taken))?;
+        let kind = kind_of(&shape, settings);
+        let kept = self.capacities.iter().find(|(of, _)| *of == kind).map(|(_, capacity)| *capacity);
+        shape.capacity = kept.map(|kept| kept.max(Capacity::estimate(settings, shape.cutoff, &shape.view_sizes())));
+        let mut plan = self.plan(&shape, settings)?;
+        self.latest = self.free_slot(&plan, settings)?;
+        loop {
+            self.slots[self.latest].take(&plan, settings);
+            self.make_room(self.latest, plan.buffers(), false)?;
             let slot = &mut self.slots[self.latest];
             let status = slot.execute(&self.shared, scene, cameras, settings, &plan, self.timed)?;
             let larger = status.validate(&plan)?;
             if status.is_complete(&plan) {
                 // The next frame of this kind has room for what this one needed.
                 let larger = larger.unwrap_or(plan.capacity);
-                self.capacity = Some(self.capacity.map_or(larger, |capacity| capacity.max(larger)));
-                break plan;
+                self.keep_capacity(kind, kept.map_or(larger, |kept| kept.max(larger)));
+                break;
             }
             self.rare.walked |= !status.had_room(&plan) && larger.is_none();
             self.rare.thin |= status.thin_tiles > 0;
             self.rare.large |= status.large_boxes;
             shape.capacity = larger.or(shape.capacity);
-        };
+            plan = self.plan(&shape, settings)?;
+        }
         let slot = &mut self.slots[self.latest];
         slot.finished = true;
         let frame = Frame::download(&slot.buffers.contents()?, cameras.len(), settings, slot.timings(self.timed)?)?;
@@ -223,12 +224,28 @@ impl Renderer {
         self.render(scene, cameras, &Settings { save: true, ..settings.clone() })
     }
 
-    /// The slot for the next frame, which no living frame owns: one that held a frame of the same plan, if there is one.
-    fn take_slot(&mut self, shape: &FrameShape, settings: &Settings) -> Result<usize> {
+    /// The plan of a slot if nothing that it depends on has changed, else a new one.
+    fn plan(&self, shape: &FrameShape, settings: &Settings) -> Result<Arc<FramePlan>> {
+        let known = self.slots.iter().find_map(|slot| slot.plan_of(shape, settings, self.rare).cloned());
+        known.map_or_else(|| self.shared.rasterizer.plan_with(shape, settings, self.rare).map(Arc::new), Ok)
+    }
+
+    fn keep_capacity(&mut self, kind: Kind, capacity: Capacity) {
+        self.capacities.retain(|(of, _)| *of != kind);
+        if self.capacities.len() == KINDS {
+            self.capacities.remove(0);
+        }
+        self.capacities.push((kind, capacity));
+    }
+
+    /// The slot for the next frame, which no living frame owns: one that held a frame of the same plan, if there is one. A frame
+    /// that is to be saved takes none whose memory is much larger than it needs.
+    fn free_slot(&mut self, plan: &Arc<FramePlan>, settings: &Settings) -> Result<usize> {
         self.rendered += 1;
-        let rare = self.rare;
-        let same = |slot: &Slot| slot.is_free() && slot.is_planned(shape, settings, rare);
-        let found = self.slots.iter().position(same).or_else(|| self.slots.iter().position(Slot::is_free));
+        let most = if settings.save { 4 * bytes_of(plan.buffers()) + (1 << 20) } else { u64::MAX };
+        let free = |slot: &Slot| slot.is_free() && slot.buffers.bytes() <= most;
+        let same = |slot: &Slot| free(slot) && slot.is_planned(plan);
+        let found = self.slots.iter().position(same).or_else(|| self.slots.iter().position(free));
         let at = found.map_or_else(
             || {
                 self.slots.push(Slot::new(&self.shared.context)?);
@@ -237,22 +254,40 @@ impl Renderer {
             Ok,
         )?;
         self.slots[at].used = self.rendered;
-        // A loop that keeps several frames alive reuses its slots in each turn. Slots that it no longer uses are
-        // dropped.
+        // A loop that keeps several frames alive reuses its slots in each turn. Slots that it no longer uses give up
+        // their memory.
         let recently = self.rendered.saturating_sub(2 * self.slots.len() as u64);
+        self.slots.iter_mut().filter(|slot| slot.is_free() && slot.used < recently).for_each(Slot::release);
         while self.slots.last().is_some_and(|slot| slot.is_free() && slot.used < recently) {
             self.slots.pop();
         }
         Ok(at)
     }
 
-    /// Makes room for a frame in its slot, given the bytes that the slots of other living frames take. If there is too
-    /// little memory, the slots of dropped frames give up theirs.
-    fn with_room<T>(&mut self, at: usize, mut make: impl FnMut(&mut Slot, &Shared, u64) -> Result<T>) -> Result<T> {
-        let others = || (0..).zip(&self.slots).filter(|(i, slot)| *i != at && !slot.is_free());
-        let taken = others().map(|(_, slot)| slot.buffers.bytes()).sum();
-        match make(&mut self.slots[at], &self.shared, taken) {
-            Err(Error::OutOfMemory { .. }) if self.release_free(at) => make(&mut self.slots[at], &self.shared, taken),
+    /// Makes room for all buffers of a frame in its slot, or for those of its backward pass beside them. If there is too little
+    /// memory, the slots of dropped frames give up theirs, and then this slot what is larger than needed.
+    fn make_room(&mut self, at: usize, needed: &[BufferRequirement], backward: bool) -> Result<()> {
+        let others = |renderer: &Self, living: bool| -> u64 {
+            let others = (0..).zip(&renderer.slots).filter(|(i, slot)| *i != at && !(living && slot.is_free()));
+            others.map(|(_, slot)| slot.buffers.bytes()).sum()
+        };
+        self.shared.validate_memory(bytes_of(needed), others(self, true))?;
+        let held = |renderer: &Self| {
+            let buffers = &renderer.slots[at].buffers;
+            let growth: u64 = needed.iter().map(|needed| buffers.growth(needed.id, needed.size)).sum();
+            others(renderer, false) + buffers.bytes() + growth
+        };
+        let most = self.shared.memory.unwrap_or(u64::MAX);
+        if held(self) > most {
+            self.release_free(at);
+        }
+        if held(self) > most {
+            self.slots[at].shrink(backward);
+        }
+        match self.slots[at].make_room(&self.shared.context, needed, backward) {
+            Err(Error::OutOfMemory { .. }) if self.release_free(at) => {
+                self.slots[at].make_room(&self.shared.context, needed, backward)
+            }
             result => result,
         }
     }
@@ -266,4 +301,19 @@ impl Renderer {
         }
         any
     }
+}
+
+fn bytes_of(buffers: &[BufferRequirement]) -> u64 {
+    buffers.iter().map(|buffer| buffer.size).sum()
+}
+
+/// Frames that are expected to need as much room for lists: of the same size, with as many views and triangles.
+type Kind = (u32, u32, u32, u64);
+
+/// The kinds of frames whose capacities are kept.
+const KINDS: usize = 16;
+
+fn kind_of(shape: &FrameShape, settings: &Settings) -> Kind {
+    let triangles = shape.meshes.iter().map(|mesh| u64::from(mesh.triangles)).sum();
+    (settings.width, settings.height, shape.views, triangles)
 }

@@ -1,6 +1,6 @@
 //! The device, the kernels and the limit of memory that all frames of a renderer share.
 
-use crate::embed::{BufferRequirement, Rasterizer};
+use crate::embed::Rasterizer;
 use crate::error::{Error, Result};
 use crate::vulkan::Context;
 
@@ -13,24 +13,16 @@ pub(super) struct Shared {
 }
 
 impl Shared {
-    /// Fails if the buffers and the `taken` bytes together exceed [`super::RendererOptions::memory`].
-    pub(super) fn validate_memory<'a>(
-        &self,
-        buffers: impl IntoIterator<Item = &'a BufferRequirement>,
-        taken: u64,
-    ) -> Result<()> {
-        let bytes = buffers.into_iter().map(|buffer| buffer.size).sum();
+    /// Fails if `bytes` for a frame and the `taken` bytes of others exceed [`super::RendererOptions::memory`].
+    pub(super) fn validate_memory(&self, bytes: u64, taken: u64) -> Result<()> {
+        let left = self.memory.unwrap_or(u64::MAX).saturating_sub(taken);
+        if bytes <= left {
+            return Ok(());
+        }
         let fix = match taken {
             0 => "allow more, or render smaller images, fewer triangles or fewer cameras at once",
             _ => "allow more, or drop saved frames, which keep their memory",
         };
-        match self.memory {
-            Some(most) if bytes > most.saturating_sub(taken) => Err(Error::OutOfMemory {
-                what: format!("a frame, which may have {} bytes", most.saturating_sub(taken)),
-                bytes,
-                fix: fix.into(),
-            }),
-            _ => Ok(()),
-        }
+        Err(Error::OutOfMemory { what: format!("a frame, which may have {left} bytes"), bytes, fix: fix.into() })
     }
 }

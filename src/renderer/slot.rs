@@ -4,7 +4,9 @@ use super::frame::StageTime;
 use super::inputs::Inputs;
 use super::shared::Shared;
 use super::upload::Uploads;
-use crate::embed::{Differentiate, FrameBindings, FramePlan, FrameShape, GradientBindings, GradientPlan, Status};
+use crate::embed::{
+    BufferRequirement, Differentiate, FrameBindings, FramePlan, FrameShape, GradientBindings, GradientPlan, Status,
+};
 use crate::error::Result;
 use crate::frame::buffers::{BufferId, BufferSet, Role};
 use crate::frame::pack::Changes;
@@ -26,7 +28,8 @@ pub(super) struct Saved {
 pub(super) struct Backward {
     /// The latest plan, and the input that it was made for.
     pub planned: Option<(Arc<FramePlan>, Differentiate, Arc<GradientPlan>)>,
-    pub recorded: Option<(Arc<GradientPlan>, GradientBindings)>,
+    /// The plan of the recorded commands, and whether they are timed.
+    pub recorded: Option<(Arc<GradientPlan>, GradientBindings, bool)>,
     pub commands: CommandBuffer,
     pub times: Option<TimestampPool>,
 }
@@ -64,7 +67,8 @@ pub(super) struct Slot {
     pub used: u64,
     /// The latest plan, and the settings that it was made for.
     planned: Option<(Settings, Arc<FramePlan>)>,
-    pub recorded: Option<(Arc<FramePlan>, FrameBindings)>,
+    /// The plan of the recorded commands, and whether they are timed.
+    pub recorded: Option<(Arc<FramePlan>, FrameBindings, bool)>,
     pub backward: Backward,
     /// The input of its frame, if that was saved.
     pub saved: Option<Saved>,
@@ -122,45 +126,57 @@ impl Slot {
         self.buffers = BufferSet::default();
     }
 
-    /// Whether the latest plan was made for this shape and these settings and kernels.
-    pub(super) fn is_planned(&self, shape: &FrameShape, settings: &Settings, rare: Rare) -> bool {
-        self.planned.as_ref().is_some_and(|(of, plan)| of == settings && plan.is_of(shape, rare))
+    /// The latest plan, if it was made for this shape and these settings and kernels.
+    pub(super) fn plan_of(&self, shape: &FrameShape, settings: &Settings, rare: Rare) -> Option<&Arc<FramePlan>> {
+        let (of, plan) = self.planned.as_ref()?;
+        (of == settings && plan.is_of(shape, rare)).then_some(plan)
     }
 
-    /// The latest plan if nothing that it depends on has changed, else a new one.
-    pub(super) fn plan(
-        &mut self,
-        shared: &Shared,
-        shape: &FrameShape,
-        settings: &Settings,
-        rare: Rare,
-    ) -> Result<Arc<FramePlan>> {
+    /// Whether the latest plan is this one.
+    pub(super) fn is_planned(&self, plan: &Arc<FramePlan>) -> bool {
+        self.planned.as_ref().is_some_and(|(_, own)| Arc::ptr_eq(own, plan))
+    }
+
+    /// Takes the slot for a frame of this plan.
+    pub(super) fn take(&mut self, plan: &Arc<FramePlan>, settings: &Settings) {
         self.saved = None;
-        if let Some((planned_for, plan)) = &self.planned
-            && planned_for == settings
-            && plan.is_of(shape, rare)
-        {
-            return Ok(plan.clone());
+        if !self.is_planned(plan) {
+            self.planned = Some((settings.clone(), plan.clone()));
         }
-        let plan = Arc::new(shared.rasterizer.plan_with(shape, settings, rare)?);
-        self.planned = Some((settings.clone(), plan.clone()));
-        Ok(plan)
     }
 
-    /// Makes every buffer of the plan large enough. Other frames take `taken` bytes already.
-    pub(super) fn make_room(&mut self, shared: &Shared, plan: &FramePlan, taken: u64) -> Result<()> {
-        shared.validate_memory(plan.buffers(), taken)?;
-        plan.buffers().iter().try_for_each(|needed| self.reserve(&shared.context, needed.id, needed.size))
+    /// Makes every buffer of the frame or, with `backward`, of the pass large enough.
+    pub(super) fn make_room(&mut self, context: &Context, needed: &[BufferRequirement], backward: bool) -> Result<()> {
+        needed.iter().try_for_each(|needed| self.reserve(context, needed.id, needed.size, backward))
     }
 
     /// Makes a buffer large enough. If the old one is gone, forgets the commands recorded with it.
-    fn reserve(&mut self, context: &Context, id: BufferId, size: u64) -> Result<()> {
+    fn reserve(&mut self, context: &Context, id: BufferId, size: u64, backward: bool) -> Result<()> {
         let reserved = self.buffers.reserve(context, id, size);
         if !matches!(reserved, Ok(false)) {
-            self.uploads.stale.note(id, true);
-            self.forget();
+            if backward {
+                self.backward.forget();
+            } else {
+                self.uploads.stale.note(id, true);
+                self.forget();
+            }
         }
         reserved.map(drop)
+    }
+
+    /// Frees what is larger than the frame needs: all buffers, or those that backward added to the frame's.
+    pub(super) fn shrink(&mut self, backward: bool) {
+        match self.planned.take() {
+            Some((settings, plan)) if backward => {
+                self.backward.forget();
+                self.buffers.retain(|id| plan.buffer(id).is_some());
+                self.planned = Some((settings, plan));
+            }
+            planned => {
+                self.release();
+                self.planned = planned;
+            }
+        }
     }
 
     /// Forgets the recorded commands.
@@ -181,7 +197,7 @@ impl Slot {
         timed: bool,
     ) -> Result<Status> {
         self.uploads.bytes = 0;
-        self.write_inputs(scene, cameras, settings, plan)?;
+        self.write_inputs(scene, cameras, settings, plan, timed)?;
         self.prepare(shared, plan, timed)?;
         self.uploads.record(&self.buffers)?;
         self.commands.submit_and_wait_after(self.uploads.commands())?;
@@ -196,9 +212,10 @@ impl Slot {
         cameras: &[Camera],
         settings: &Settings,
         plan: &Arc<FramePlan>,
+        timed: bool,
     ) -> Result<()> {
         // The buffers still hold the last frame's images if that frame succeeded and had the same commands.
-        self.inputs.background_kept = std::mem::take(&mut self.finished) && self.is_recorded(plan);
+        self.inputs.background_kept = std::mem::take(&mut self.finished) && self.is_recorded(plan, timed);
         self.uploads.stale = self.uploads.stale.or(self.inputs.update(scene, cameras, settings, plan));
         for (id, bytes) in self.inputs.all() {
             if self.uploads.stale.has(id) && plan.buffer(id).is_some() {
@@ -211,16 +228,15 @@ impl Slot {
 
     /// Whether the recorded commands are the plan's. They depend on its sizes and constants only, not on the shape that it
     /// was made for.
-    fn is_recorded(&self, plan: &Arc<FramePlan>) -> bool {
-        let same = |(recorded, _): &(Arc<FramePlan>, FrameBindings)| {
-            Arc::ptr_eq(recorded, plan) || recorded.forward == plan.forward
-        };
-        self.recorded.as_ref().is_some_and(same)
+    fn is_recorded(&self, plan: &Arc<FramePlan>, timed: bool) -> bool {
+        self.recorded.as_ref().is_some_and(|(recorded, _, with_times)| {
+            *with_times == timed && (Arc::ptr_eq(recorded, plan) || recorded.forward == plan.forward)
+        })
     }
 
     /// Records the frame's commands unless they are recorded already.
     fn prepare(&mut self, shared: &Shared, plan: &Arc<FramePlan>, timed: bool) -> Result<()> {
-        if self.is_recorded(plan) {
+        if self.is_recorded(plan, timed) {
             return Ok(());
         }
         self.recorded = None;
@@ -240,7 +256,7 @@ impl Slot {
             recorder.barrier_to_host();
             Ok(())
         })?;
-        self.recorded = Some((plan.clone(), bindings));
+        self.recorded = Some((plan.clone(), bindings, timed));
         Ok(())
     }
 

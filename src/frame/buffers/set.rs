@@ -177,6 +177,16 @@ impl BufferSet {
     pub fn bytes(&self) -> u64 {
         self.owned.iter().map(|(_, owned)| owned.buffer().size()).sum()
     }
+
+    /// Bytes by which [`bytes`](Self::bytes) grows once the buffer was [reserved](Self::reserve).
+    pub fn growth(&self, id: BufferId, size: u64) -> u64 {
+        size.saturating_sub(self.find(id).map_or(0, |owned| owned.buffer().size()))
+    }
+
+    /// Frees every buffer that is not to be kept.
+    pub fn retain(&mut self, keep: impl Fn(BufferId) -> bool) {
+        self.owned.retain(|(id, _)| keep(*id));
+    }
 }
 
 #[cfg(test)]

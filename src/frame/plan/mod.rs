@@ -231,6 +231,9 @@ pub(crate) fn validate_views(needed: u64) -> Result<()> {
     Err(Error::Limit { what, needed, unit: "views", limit_name, limit: MOST, fix })
 }
 
+/// A float, and one row of workgroups, must be able to count the triangles of a mesh.
+pub const MOST_TRIANGLES: u64 = 1 << 22;
+
 fn ranges_of(input: &PlanInput, frame: &FramePush) -> Result<(Vec<ViewRange>, Totals)> {
     validate_views(input.views.len() as u64)?;
     let pieces = if clips(input) { 2 } else { 1 };
@@ -269,11 +272,18 @@ fn ranges_of(input: &PlanInput, frame: &FramePush) -> Result<(Vec<ViewRange>, To
     index("the images of all views", t.pixels, "render fewer views in one frame, or smaller images")?;
     index("the bins' bitmaps", t.words, "render fewer views in one frame, or smaller images")?;
     let triangles = input.views.iter().map(|v| u64::from(v.triangles)).max().unwrap_or(0);
-    if triangles > 1 << 22 {
-        let fix = "split the mesh: a float and one row of workgroups must be able to count its triangles".into();
+    if triangles > MOST_TRIANGLES {
+        let fix = "split the mesh".into();
         let what = "one mesh".into();
         let limit_name = "triangles of a mesh";
-        return Err(Error::Limit { what, needed: triangles, unit: "triangles", limit_name, limit: 1 << 22, fix });
+        return Err(Error::Limit {
+            what,
+            needed: triangles,
+            unit: "triangles",
+            limit_name,
+            limit: MOST_TRIANGLES,
+            fix,
+        });
     }
     Ok((views, t))
 }

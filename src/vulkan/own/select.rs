@@ -48,9 +48,11 @@ pub(super) fn select(adapters: Vec<Adapter>, selector: Option<&str>) -> Result<A
             fix: INSTALL.to_string(),
         });
     };
-    let names = |info: &DeviceInfo| match selector.parse::<usize>() {
-        Ok(index) => info.index == index,
-        Err(_) => info.name.to_lowercase().contains(&selector.to_lowercase()),
+    // `4090` is a part of a name where no device has that index.
+    let index = selector.parse::<usize>().ok().filter(|index| adapters.iter().any(|a| a.info.index == *index));
+    let names = |info: &DeviceInfo| match index {
+        Some(index) => info.index == index,
+        None => info.name.to_lowercase().contains(&selector.to_lowercase()),
     };
     // Where several match (a GPU listed by two drivers), the best suitable one.
     let best = adapters

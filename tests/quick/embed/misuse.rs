@@ -140,7 +140,17 @@ fn buffers_that_cannot_be_are_refused_when_bound() {
         memory.upload = unsafe { BufferRef::new(vk::Buffer::null(), 1 << 20, memory.upload.usage()) };
     });
     let four = rasterizer.pass(&[PassMesh::new(count, &[0u32, 1, 2, 3])]).cameras(&case.cameras).build();
-    assert!(error(four).contains("there is no such index"));
+    assert!(error(four).contains("there are 4 indices, and draws read 6"));
+    // Each draw is looked at by itself: two of them have two instances together.
+    let draw = |instances| Draw { vertices: count, triangles: 12, instances, ..Draw::default() };
+    let drawn = |draws: [u32; 2]| {
+        let mesh = PassMesh::of_draws(draws.map(draw).to_vec(), indices(&model));
+        let plan = builder(&rasterizer, &[mesh], &case).build().unwrap();
+        let memory = Memory::new(&engine, &plan);
+        error(rasterizer.bind_pass(plan, memory.refs(), &[MeshBuffers::new(vertices.whole(), PACKED)]))
+    };
+    assert_eq!(drawn([1, 1]), "no error");
+    assert!(drawn([2, 0]).contains("a draw of 2 instances and no transforms"));
     drop((memory, vertices, target, rasterizer));
     assert_silent(engine);
 }
@@ -320,6 +330,17 @@ fn planes_are_those_of_the_matrices() {
     let clip = ClipSpace { y_up: true, ..ClipSpace::default() };
     bound.pass.set_camera_matrices(&[matrices(projection(nearest + 0.2, 10.0))], clip).unwrap();
     assert_eq!(difference(&bound.color(&engine), &cut), None);
+    // Planes of earlier matrices leave no trace.
+    let endless =
+        || matrices([projection(0.1, 9.0)[0], projection(0.1, 9.0)[1], [0.0, 0.0, -1.0, -1.0], [0.0, 0.0, -0.1, 0.0]]);
+    bound.pass.set_camera_matrices(&[matrices(projection(0.1, 2.9))], clip).unwrap();
+    bound.pass.set_camera_matrices(&[endless()], clip).unwrap();
+    let far_away = fresh(plan(0.1, 10.0).camera_matrices(&[endless()], clip));
+    assert_eq!(difference(&bound.color(&engine), &far_away), None);
+    assert_eq!(difference(&fresh(bound.pass.plan().builder()), &far_away), None);
+    bound.pass.set_camera_matrices(&[matrices(projection(nearest + 0.2, 2.9))], clip).unwrap();
+    bound.pass.set_cameras(&case.cameras).unwrap();
+    assert_eq!(difference(&bound.color(&engine), &fresh(plan(0.1, 10.0).cameras(&case.cameras))), None);
     let (by_depth, at_eye) = (-0.1, 0.5);
     let parallel = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, by_depth, 0.0], [0.0, 0.0, at_eye, 1.0]];
     let behind = rasterizer.pass(&[pass_mesh(&model)]).camera_matrices(&[matrices(parallel)], clip);

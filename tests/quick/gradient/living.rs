@@ -117,3 +117,53 @@ fn living_frames_count_towards_the_limit_of_memory() {
     gradient(&mut renderer, &kept, &case);
     render(&mut renderer, &case);
 }
+
+/// Timing changes later commands, not frames that live.
+#[test]
+fn a_frame_outlives_a_change_of_timing() {
+    let case = ball(0, &EYES[..1], 16);
+    let mut renderer = renderer_with(RendererOptions::default());
+    let frame = render(&mut renderer, &case);
+    let first = gradient(&mut renderer, &frame, &case);
+    for on in [true, false] {
+        renderer.time_stages(on);
+        same_gradient_bits(&first, &gradient(&mut renderer, &frame, &case)).unwrap();
+        assert_eq!(renderer.backward_timings().is_empty(), !on);
+        let again = render(&mut renderer, &case);
+        assert_eq!(again.timings().is_empty(), !on);
+    }
+}
+
+/// A frame that needed much room leaves nothing to the smaller ones after it.
+#[test]
+fn a_small_frame_is_small_after_a_large_one() {
+    let small = ball(0, &EYES[..1], 16);
+    let mut large = ball(0, &EYES, 200);
+    large.settings.sigma = 1e-2;
+    let mut renderer = renderer_with(RendererOptions::default());
+    let alone = (render(&mut renderer, &small), renderer.device_bytes()).1;
+    let mut renderer = renderer_with(RendererOptions::default());
+    render(&mut renderer, &large);
+    assert!(renderer.device_bytes() > 50 * alone);
+    let later: Vec<u64> = (0..8).map(|_| (render(&mut renderer, &small), renderer.device_bytes()).1).collect();
+    assert_eq!(later.last(), Some(&alone), "{later:?}");
+}
+
+/// The limit is of what the renderer holds, whatever it rendered before.
+#[test]
+fn no_more_memory_is_held_than_the_limit() {
+    let cases = cases();
+    let alone = cases.iter().map(|case| {
+        let mut renderer = renderer_with(RendererOptions::default());
+        let frame = render(&mut renderer, case);
+        gradient(&mut renderer, &frame, case);
+        renderer.device_bytes()
+    });
+    let limit = alone.max().unwrap();
+    let mut renderer = renderer_with(RendererOptions { memory: Some(limit), ..RendererOptions::default() });
+    for i in [4, 0, 2, 4, 1, 3, 4, 0, 4] {
+        let frame = render(&mut renderer, &cases[i]);
+        gradient(&mut renderer, &frame, &cases[i]);
+        assert!(renderer.device_bytes() <= limit, "{} of {limit} after frame {i}", renderer.device_bytes());
+    }
+}
