@@ -7,6 +7,7 @@ use crate::{
     cameras::{self, Sphere},
     hull::{View, views as pictures},
     regions::{holes, of_pixels, pixels_around},
+    subject::Subject,
 };
 use glam::DVec3;
 use softras::{Image, Result, shapes::Samples};
@@ -37,13 +38,13 @@ const PLACES: f64 = 12.0;
 const BY_CHANCE: f64 = 0.5;
 
 /// Leaves out the views that are empty, full, or do not agree with the others, at most a quarter of them, and fills small holes that
-/// one mask alone has. Each is noted. Fewer than six views stay as they are. Returns the numbers of the views that stay.
-pub fn settle(views: &mut Views, bounds: Sphere, notes: &mut Vec<String>) -> Result<Vec<usize>> {
+/// one mask alone has. Each is noted. Fewer than six views stay as they are.
+pub fn settle(subject: &mut Subject, notes: &mut Vec<String>) -> Result<()> {
+    let (views, bounds) = (&subject.views, subject.bounds);
     let count = views.cameras.len();
-    let everything = || Ok((0..count).collect());
-    let Some(silhouettes) = &views.silhouette else { return everything() };
+    let Some(silhouettes) = &views.silhouette else { return Ok(()) };
     if !(FEWEST..=MOST).contains(&count) {
-        return everything();
+        return Ok(());
     }
     let plain = |view: usize| {
         let mask = silhouettes.view(view);
@@ -56,28 +57,23 @@ pub fn settle(views: &mut Views, bounds: Sphere, notes: &mut Vec<String>) -> Res
     let most = count / 4;
     let mut left: Vec<usize> = (0..count).filter(|view| out.iter().all(|(other, _)| other != view)).collect();
     let seen = views.some(&left);
-    let Ok(all) = pictures(&seen, 1) else { return everything() };
+    let Ok(all) = pictures(&seen, 1) else { return Ok(()) };
     let mut using: Vec<usize> = (0..left.len()).collect();
     while out.len() < most
         && let Some(worst) = worst(&seen, &all, &using, bounds)
     {
         out.push((left[using.remove(worst)], "does not agree with the others"));
     }
-    drop(all);
-    drop(seen);
     if out.len() > most {
-        return everything();
+        return Ok(());
     }
     left.retain(|view| out.iter().all(|(other, _)| other != view));
     out.sort_unstable();
     for (view, why) in out {
         notes.push(format!("{} {why}: it is left out", name(views, view)));
     }
-    if left.len() < count {
-        *views = views.some(&left).into_owned();
-    }
-    fill(views, bounds, notes)?;
-    Ok(left)
+    subject.keep(&left);
+    fill(&mut subject.views, bounds, notes)
 }
 
 fn name(views: &Views, view: usize) -> String {

@@ -68,8 +68,7 @@ impl Fit {
         if subject.truth.is_none() && options.preset != Preset::Official {
             crop::cropped(&mut subject, options.crop, &mut notes)?;
             if !options.keep_views {
-                let left = doubt::settle(&mut subject.views, subject.bounds, &mut notes)?;
-                subject.photographs = subject.photographs.take().map(|views| views.some(&left).into_owned());
+                doubt::settle(&mut subject, &mut notes)?;
             }
             if !options.keep_cameras && !options.keeps_shape() {
                 refine::refined(&mut subject, &mut notes, renderer)?;

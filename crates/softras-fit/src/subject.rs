@@ -9,6 +9,7 @@ use softras::{
     scene::{Appearance, Background, DirectionalLight, Interpolation, Outputs, Shading},
 };
 use softras_io::{Map, Views};
+use std::borrow::Cow;
 
 /// Samples along each side of a pixel of views that are rendered.
 const SAMPLES: usize = 3;
@@ -52,6 +53,20 @@ impl Subject {
         let pixel = cameras::pixel(&views.cameras, bounds.center, views.size()?);
         let (held_out, photographs, lights) = (Vec::new(), None, Lights::unlit());
         Ok(Self { views, photographs, held_out, truth: None, bounds, pixel, depths, lights, one_color: false })
+    }
+
+    /// Keeps some of the views, in an order, with all that is told by view. Those held out that are not among them are gone.
+    ///
+    /// # Panics
+    /// For a view that there is not.
+    pub fn keep(&mut self, views: &[usize]) {
+        for all in [Some(&mut self.views), self.photographs.as_mut()].into_iter().flatten() {
+            if let Cow::Owned(some) = all.some(views) {
+                *all = some;
+            }
+        }
+        let kept = (0..views.len()).filter(|at| self.held_out.contains(&views[*at]));
+        self.held_out = kept.collect();
     }
 
     /// The centre and the side of the cube that a hull is carved in.

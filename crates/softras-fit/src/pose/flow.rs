@@ -6,10 +6,7 @@
 
 use crate::bad;
 use glam::DVec3;
-use softras::{
-    Frame, Image, ImageGradient, Result,
-    scene::{Camera, Projection},
-};
+use softras::{Camera, Frame, Image, ImageGradient, Result};
 
 /// The estimated gradient dL by each view's twist (v, ω), see [`softras::CameraGradient::twist`].
 ///
@@ -18,24 +15,19 @@ use softras::{
 /// perspective.
 pub fn flow_gradient(frame: &Frame, upstream: &ImageGradient, camera: &Camera) -> Result<Vec<[f64; 6]>> {
     let flow = Flow::new(frame, upstream)?;
-    let slope = slope(camera)?;
+    let size = (flow.depth.width as u32, flow.depth.height as u32);
+    let Some(intrinsics) = camera.intrinsics(size) else {
+        return bad("a camera without perspective", "use Projection::Perspective or Projection::Pinhole");
+    };
     let one = |view: usize| {
         let mut twist = [0.0; 6];
-        flow.each(view, slope, |point, by_point| {
+        flow.each(view, intrinsics, |point, by_point| {
             let both = by_point.to_array().into_iter().chain(point.cross(by_point).to_array());
             twist.iter_mut().zip(both).for_each(|(sum, x)| *sum += x);
         });
         twist
     };
     Ok((0..flow.depth.batch).map(one).collect())
-}
-
-/// Tangent of half the angle of view.
-fn slope(camera: &Camera) -> Result<f64> {
-    match *camera.projection() {
-        Projection::Perspective { fov_y } => Ok((fov_y / 2.0).tan()),
-        _ => bad("a camera without perspective", "use Projection::Perspective"),
-    }
 }
 
 struct Flow<'a> {
@@ -58,9 +50,8 @@ impl<'a> Flow<'a> {
 
     /// Visits every pixel that moves with the mesh, with the surface point that it shows and dL by the point's motion, both in
     /// view space.
-    fn each(&self, view: usize, slope: f64, mut visit: impl FnMut(DVec3, DVec3)) {
+    fn each(&self, view: usize, [fx, fy, cx, cy]: [f64; 4], mut visit: impl FnMut(DVec3, DVec3)) {
         let (height, width) = (self.depth.height, self.depth.width);
-        let half = height as f64 / 2.0;
         for row in 0..height {
             for column in 0..width {
                 let (left, right) = (column.saturating_sub(1), (column + 1).min(width - 1));
@@ -79,11 +70,11 @@ impl<'a> Flow<'a> {
                 // dL by the motion of the shown surface in pixels, to the right and up.
                 let by_right = -difference((row, left), (row, right), right - left);
                 let by_up = -difference((below, column), (above, column), below - above);
-                let (x, y) = ((column as f64 + 0.5 - width as f64 / 2.0) / half, (half - row as f64 - 0.5) / half);
-                let point = DVec3::new(x * slope * z, y * slope * z, z);
-                // Motion in pixels per view-space motion of the point.
-                let scale = half / (slope * z);
-                let by_point = DVec3::new(by_right * scale, by_up * scale, -(by_right * x + by_up * y) * slope * scale);
+                let (x, y) = ((column as f64 + 0.5 - cx) / fx, (cy - row as f64 - 0.5) / fy);
+                let point = DVec3::new(x * z, y * z, z);
+                // Times the motion in pixels per view-space motion of the point.
+                let (by_x, by_y) = (by_right * fx / z, by_up * fy / z);
+                let by_point = DVec3::new(by_x, by_y, -(by_x * x + by_y * y));
                 visit(point, by_point);
             }
         }

@@ -60,8 +60,6 @@ pub struct ShapeFit {
     color_optimizer: Optimizer,
     /// As many views as the renderer has been found to hold at once.
     views_at_once: usize,
-    /// Whether steps differentiate by cameras too.
-    by_cameras: bool,
 }
 
 /// The losses of a step and the gradients of their weighted sum, of all views or of some.
@@ -114,7 +112,6 @@ impl ShapeFit {
             color_values,
             options,
             views_at_once: usize::MAX,
-            by_cameras: false,
         })
     }
 
@@ -145,7 +142,7 @@ impl ShapeFit {
         rate: f64,
         color_rate: f64,
     ) -> Result<StepLosses> {
-        let all = self.all_descents(renderer, settings, targets)?;
+        let all = self.all_descents(renderer, settings, targets, self.wanted())?;
         self.finish_step(all, rate, color_rate)
     }
 
@@ -157,15 +154,21 @@ impl ShapeFit {
         targets: &Views,
         (rate, color_rate): (f64, f64),
     ) -> Result<Vec<CameraGradient>> {
-        self.by_cameras = true;
-        let mut all = self.all_descents(renderer, settings, targets)?;
+        let wanted = GradientRequest { camera: true, ..self.wanted() };
+        let mut all = self.all_descents(renderer, settings, targets, wanted)?;
         let by_cameras = std::mem::take(&mut all.by_cameras);
         self.finish_step(all, rate, color_rate)?;
         Ok(by_cameras)
     }
 
     /// The losses and gradients of the views of a step.
-    fn all_descents(&mut self, renderer: &mut Renderer, settings: &Settings, targets: &Views) -> Result<Descent> {
+    fn all_descents(
+        &mut self,
+        renderer: &mut Renderer,
+        settings: &Settings,
+        targets: &Views,
+        wanted: GradientRequest,
+    ) -> Result<Descent> {
         let size = targets.size()?;
         let mut settings = sized(settings, size, self.options.samples);
         settings.outputs.color = targets.color.is_some();
@@ -177,7 +180,7 @@ impl ShapeFit {
         let views = views_of_step(self.steps_taken(), self.options.views_per_step, targets.cameras.len());
         let mut at_once = self.views_at_once;
         let mut all = Descent::default();
-        let make = |range: Range<usize>| self.descent(renderer, &settings, &targets.some(&views[range]));
+        let make = |range: Range<usize>| self.descent(renderer, &settings, &targets.some(&views[range]), &wanted);
         softras::parts::in_parts(views.len(), &mut at_once, make, |range, part| {
             all.add(&part, range.len() as f64 / views.len() as f64);
             Ok::<(), Error>(())
@@ -208,19 +211,24 @@ impl ShapeFit {
     }
 
     /// Renders some views, and compares and differentiates them.
-    fn descent(&self, renderer: &mut Renderer, settings: &Settings, targets: &Views) -> Result<Descent> {
+    fn descent(
+        &self,
+        renderer: &mut Renderer,
+        settings: &Settings,
+        targets: &Views,
+        wanted: &GradientRequest,
+    ) -> Result<Descent> {
         let cameras = finer(&targets.cameras, self.options.samples)?;
         let frame = renderer.render(&self.scene, &cameras, settings)?;
         let (losses, upstream) = compare(&frame, targets, &self.options)?;
-        let gradients = renderer.backward(&frame, &upstream, &self.wanted())?;
+        let gradients = renderer.backward(&frame, &upstream, wanted)?;
         let (by_positions, by_colors) = self.gradients(&gradients.meshes[0]);
         Ok(Descent { losses, by_positions, by_colors, by_cameras: gradients.cameras })
     }
 
     /// What [`Renderer::backward`] has to differentiate by.
     fn wanted(&self) -> GradientRequest {
-        let (positions, camera) = (self.options.fit_positions, self.by_cameras);
-        let wanted = GradientRequest { positions, camera, ..GradientRequest::NOTHING };
+        let wanted = GradientRequest { positions: self.options.fit_positions, ..GradientRequest::NOTHING };
         if self.options.fit_colors { colors::wanted(self.mesh().appearance(), wanted) } else { wanted }
     }
 

@@ -4,8 +4,9 @@ use crate::common::renderer;
 use crate::meshes::{PERSPECTIVE, cameras, mapped, silhouettes};
 use glam::{DMat4, DVec3};
 use softras::{Camera, Error, Image, Mesh, Projection, Renderer, shapes};
-use softras_fit::{Fit, Subject, Voxels};
+use softras_fit::{Fit, FitOptions, Subject, Voxels};
 use softras_io::Views;
+use std::ops::ControlFlow;
 
 pub fn solid() -> Mesh {
     mapped(&shapes::fish().unwrap(), |p| [0.6 * p[0], 0.9 * p[1] + 0.05, 0.6 * p[2]])
@@ -52,6 +53,15 @@ fn a_wrong_view_is_left_out_by_its_name_and_a_right_one_stays() {
         mask(&mut wrong, change);
         assert_eq!(notes(wrong.clone(), &mut renderer), [format!("5.png {why}: it is left out")], "{why}");
     }
+    // Views that are held out keep their pictures where others go, and go with theirs.
+    let mut wrong = good.clone();
+    mask(&mut wrong, &rolled);
+    let held_out = vec![5, 8, 11];
+    let mut fit = Fit { subject: Subject { held_out, ..Subject::of(wrong).unwrap() }, options: FitOptions::default() };
+    fit.options.iterations = Some(1);
+    let fitted = fit.run(&mut renderer, |_| ControlFlow::Continue(())).unwrap();
+    let held_out = fitted.scores.held_out.iter().map(|view| fitted.views.names[*view].as_str());
+    assert_eq!(held_out.collect::<Vec<_>>(), ["8.png", "11.png"]);
     // Two of twelve.
     let mut wrong = good.clone();
     mask(&mut wrong, &rolled);

@@ -149,7 +149,7 @@ impl Views {
     /// # Panics
     /// For a view that there is not.
     pub fn some(&self, views: &[usize]) -> Cow<'_, Self> {
-        if views.len() == self.cameras.len() {
+        if views.iter().copied().eq(0..self.cameras.len()) {
             return Cow::Borrowed(self);
         }
         let some = |image: &Option<Image>| image.as_ref().map(|image| image.views(views.iter().copied()));

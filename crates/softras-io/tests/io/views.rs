@@ -66,3 +66,17 @@ fn pictures_of_several_sizes_are_those_of_one_size() {
     assert!(views.cameras.len() == 1 && views.names == ["view_001.png"], "{:?}", views.names);
     assert!(notes.iter().any(|note| note.contains("view_000.png: left out")), "{notes:?}");
 }
+
+#[test]
+fn some_views_come_in_the_order_that_is_asked_for() {
+    let mut all = discs();
+    all.silhouette.as_mut().unwrap().data[..48 * 48].fill(0.0);
+    for some in [&[1, 0][..], &[1, 1], &[0, 1], &[1]] {
+        let found = all.some(some);
+        let expected: Vec<_> = some.iter().map(|view| seen(&all.cameras[*view])).collect();
+        assert_eq!(found.cameras.iter().map(seen).collect::<Vec<_>>(), expected, "{some:?}");
+        let is_black = |view: &usize| *view == 0;
+        let masks = found.silhouette.as_ref().unwrap().data.chunks(48 * 48);
+        assert!(masks.map(|mask| mask.iter().all(|x| *x == 0.0)).eq(some.iter().map(is_black)), "{some:?}");
+    }
+}
