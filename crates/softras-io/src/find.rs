@@ -29,17 +29,39 @@ pub fn find(mesh: &Path, parent: &Path, name: &str, allow_outside: bool) -> Resu
     }
 }
 
-/// The regular file of that name in a folder, in upper or lower case.
+/// The regular file of that name in a folder, in upper or lower case, and with letters beyond ASCII in any encoding.
 fn named(folder: &Path, name: &str) -> Option<PathBuf> {
     let is_name = matches!(Path::new(name).components().next(), Some(Component::Normal(_)));
     let exact = folder.join(name);
     if !is_name || exact.is_file() {
         return is_name.then_some(exact);
     }
-    let entries = folder.read_dir().ok()?.filter_map(|entry| entry.ok().map(|entry| entry.path()));
-    let same = |path: &PathBuf| path.file_name().is_some_and(|other| other.eq_ignore_ascii_case(name));
+    let entries = || folder.read_dir().into_iter().flatten().filter_map(|entry| entry.ok().map(|entry| entry.path()));
+    let own = |path: &PathBuf| path.file_name().map(|other| other.as_encoded_bytes().to_ascii_lowercase());
+    let same = |path: &PathBuf| own(path).is_some_and(|other| other == name.to_ascii_lowercase().as_bytes());
     // The first of several by name, so that the order of the folder does not matter.
-    entries.filter(same).filter(|path| path.is_file()).min()
+    let found = entries().filter(same).filter(|path| path.is_file()).min();
+    let alike =
+        |path: &PathBuf| own(path).is_some_and(|other| plain(&other) == plain(name.to_ascii_lowercase().as_bytes()));
+    let several = || entries().filter(alike).filter(|path| path.is_file()).collect::<Vec<_>>();
+    found.or_else(|| if name.is_ascii() { None } else { several().try_into().map(|[only]: [PathBuf; 1]| only).ok() })
+}
+
+/// A name with a mark in place of letters beyond ASCII, whatever their encoding, and of letters with an accent of their own.
+fn plain(name: &[u8]) -> Vec<u8> {
+    let mut plain = Vec::with_capacity(name.len());
+    for &byte in name {
+        if byte.is_ascii() {
+            plain.push(byte);
+        } else if plain.last() != Some(&0) {
+            // U+0300 to U+036F follow the letter that they change.
+            if matches!(byte, 0xcc | 0xcd) {
+                plain.pop();
+            }
+            plain.push(0);
+        }
+    }
+    plain
 }
 
 /// The path of a file that `parent` names, relative to the folder of `parent`.

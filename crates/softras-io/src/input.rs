@@ -5,18 +5,34 @@
 
 use crate::refuse;
 use softras::{Error, Result};
-use std::{fs, io::Read, path::Path};
+use std::{
+    fs,
+    io::{Read, Seek},
+    path::Path,
+};
 
 /// Opens a regular file.
 ///
 /// # Errors
-/// [`Error::Io`] when it cannot be opened; [`Error::File`] for a folder, a pipe or a device.
+/// [`Error::Io`] when it cannot be opened; [`Error::File`] for a folder, a pipe or a device, and for what a download leaves in the
+/// place of a file: a Git LFS pointer or a web page.
 pub fn open(path: &Path) -> Result<fs::File> {
     let io = |source| Error::Io { path: path.into(), source };
     if !fs::metadata(path).map_err(io)?.is_file() {
         return refuse(path, "not a regular file", "give the path of a file");
     }
-    fs::File::open(path).map_err(io)
+    let mut file = fs::File::open(path).map_err(io)?;
+    let mut head = Vec::new();
+    (&mut file).take(512).read_to_end(&mut head).and_then(|_| file.rewind()).map_err(io)?;
+    let head = String::from_utf8_lossy(&head).to_ascii_lowercase();
+    let head = head.trim_start_matches('\u{feff}').trim_start();
+    if head.starts_with("version http") && head.contains("oid sha256:") {
+        return refuse(path, "a Git LFS pointer, not the file", "run `git lfs pull` in its repository");
+    }
+    if head.starts_with('<') && (head.contains("<!doctype html") || head.contains("<html")) {
+        return refuse(path, "a web page, not the file", "download the file itself (on GitHub: the button Raw)");
+    }
+    Ok(file)
 }
 
 /// Reads a whole file of at most `most` bytes.

@@ -55,7 +55,6 @@ use softras::{Error, Mesh, Result};
 use source::Source;
 use std::{
     borrow::Cow,
-    fs,
     io::{self, Read},
     path::{Path, PathBuf},
 };
@@ -104,7 +103,7 @@ pub fn load_with(path: impl AsRef<Path>, options: &LoadOptions) -> Result<Loaded
     input::refuse_empty(path, bytes.len() as u64)?;
     let mesh = match format {
         Format::Obj => obj::read(&mut source, bytes),
-        Format::Ply => ply::read(&mut source, bytes),
+        Format::Ply => ply::read(&mut source, &bytes),
         Format::Stl => stl::read(&mut source, bytes),
         Format::Gltf => gltf::read(&mut source, &bytes),
     };
@@ -114,8 +113,10 @@ pub fn load_with(path: impl AsRef<Path>, options: &LoadOptions) -> Result<Loaded
         other => other,
     })?;
     if mesh.triangles().is_empty() {
-        let what = format!("no faces ({} vertices)", mesh.positions().len());
-        return Err(fault(path, what, "give a mesh with triangles"));
+        let reasons = source.notes.texts(3);
+        let reasons = if reasons.is_empty() { "its points are not drawn".into() } else { reasons };
+        let what = format!("no faces ({} vertices): {reasons}", mesh.positions().len());
+        return Err(fault(path, what, "give a mesh with triangles (MeshLab makes them of points: Screened Poisson)"));
     }
     source.loaded(mesh)
 }
@@ -189,19 +190,15 @@ enum Format {
 
 /// The format of a file by its first bytes or, where they do not tell, by its ending.
 fn format(path: &Path) -> Result<Option<Format>> {
-    let by_ending = by_ending(path);
-    let io = |source| Error::Io { path: path.into(), source };
-    // Opening something else, such as a pipe, may wait forever; the readers refuse it.
-    if !fs::metadata(path).map_err(io)?.is_file() {
-        return Ok(by_ending.or(Some(Format::Obj)));
-    }
     let mut head = Vec::new();
-    fs::File::open(path).and_then(|file| file.take(4).read_to_end(&mut head)).map_err(io)?;
-    Ok(match head[..] {
-        [b'p', b'l', b'y', b'\r' | b'\n'] => Some(Format::Ply),
-        [b'g', b'l', b'T', b'F'] => Some(Format::Gltf),
-        _ => by_ending,
-    })
+    let read = input::open(path)?.take(7).read_to_end(&mut head);
+    read.map_err(|source| Error::Io { path: path.into(), source })?;
+    match text::unmarked(&head) {
+        [b'p', b'l', b'y', space, ..] if space.is_ascii_whitespace() => Ok(Some(Format::Ply)),
+        [b'g', b'l', b'T', b'F', ..] => Ok(Some(Format::Gltf)),
+        [0x1f, 0x8b, ..] | [b'P', b'K', 3, 4, ..] => refuse(path, "a packed file (ZIP or gzip)", "unpack it first"),
+        _ => Ok(by_ending(path)),
+    }
 }
 
 fn by_ending(path: &Path) -> Option<Format> {
@@ -213,6 +210,14 @@ fn by_ending(path: &Path) -> Option<Format> {
         "gltf" | "glb" => Some(Format::Gltf),
         _ => None,
     }
+}
+
+/// What is wrong with a part of a file, and what to do.
+type Wrong<F = &'static str> = (String, F);
+
+/// The same, said of the place that it is in.
+fn within<F>(place: impl std::fmt::Display) -> impl FnOnce(Wrong<F>) -> Wrong<F> {
+    move |(what, fix)| (format!("{place}: {what}"), fix)
 }
 
 /// What is wrong with a file, and what to do.

@@ -49,6 +49,11 @@ impl Notes {
         self.push(MAX_NOTES, Note { file: Some(file.into()), line, times: 1, what: what.into() });
     }
 
+    /// The texts of the first notes, without their places.
+    pub fn texts(&self, most: usize) -> String {
+        self.all.iter().take(most).map(|note| note.what.as_str()).collect::<Vec<_>>().join("; ")
+    }
+
     fn push(&mut self, most: usize, note: Note) {
         if self.all.len() < most { self.all.push(note) } else { self.more += 1 }
     }

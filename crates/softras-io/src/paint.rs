@@ -1,7 +1,7 @@
 //! Textures that are made when a file is read: of vertex colours, and for edges that the renderer does not know.
 
-use crate::texture::Decoded;
-use softras::scene::{Texture, Wrap};
+use crate::{notes::Notes, texture::Decoded};
+use softras::scene::{Appearance, Texture, Wrap};
 
 /// What an image shows beyond its edges along one side.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -10,6 +10,10 @@ pub enum Edge {
     Clamp,
     Mirror,
 }
+
+/// The most tiles of an image along a clamped side, and texels that a small image may have besides.
+const MOST_TILES: i64 = 16;
+const LEAST_CANVAS: i64 = 1 << 12;
 
 /// Where UVs of an image lie in the texture that is made of it: scale and offset along u and v.
 #[derive(Clone, Copy, Debug)]
@@ -22,11 +26,17 @@ impl Canvas {
 }
 
 /// The texture of an image with its edges. Mirrored sides are doubled. If the image is clamped along one axis and repeats along the
-/// other, the clamped side is made longer by repeating its edge, as far as UVs of this range, [low, high], reach.
+/// other, the clamped side is made longer by repeating its edge, as far as UVs of this range, [low, high], reach; if that takes
+/// too many texels, the image repeats along both, with a note.
 ///
 /// # Errors
-/// What is wrong, for UVs that lie too far outside.
-pub fn on_canvas(image: Decoded, edges: [Edge; 2], range: [[f32; 2]; 2]) -> Result<(Texture, Canvas), String> {
+/// What is wrong with the image.
+pub fn on_canvas(
+    image: Decoded,
+    edges: [Edge; 2],
+    range: [[f32; 2]; 2],
+    notes: &mut Notes,
+) -> Result<(Texture, Canvas), String> {
     let wrong = |error: softras::Error| error.to_string();
     let plain = Canvas([[1.0, 0.0]; 2]);
     if edges == [Edge::Repeat; 2] || edges == [Edge::Clamp; 2] {
@@ -46,10 +56,9 @@ pub fn on_canvas(image: Decoded, edges: [Edge; 2], range: [[f32; 2]; 2]) -> Resu
                 let (low, high) = if k == 0 { (low, high) } else { (1.0 - high, 1.0 - low) };
                 let first = (low.min(0.0) * sides[k] as f64).floor() as i64 - 1;
                 let end = (high.max(1.0) * sides[k] as f64).ceil() as i64 + 1;
-                if end - first > 4 * sides[k].max(4) {
-                    return Err(
-                        "it is clamped along one side, repeats along the other, and its UVs lie too far outside".into(),
-                    );
+                if (end - first) * sides[1 - k] > MOST_TILES * sides[0] * sides[1] + LEAST_CANVAS {
+                    notes.count(None, "textures clamped along one side whose UVs lie far outside repeat instead");
+                    return Ok((image.texture(Wrap::Repeat).map_err(wrong)?, plain));
                 }
                 (first, end - first)
             }
@@ -78,6 +87,34 @@ pub fn on_canvas(image: Decoded, edges: [Edge; 2], range: [[f32; 2]; 2]) -> Resu
 pub struct Patch<'a> {
     pub colors: [[f32; 3]; 3],
     pub image: Option<(&'a Texture, Corners)>,
+}
+
+/// A mesh's textures, and where its triangles lie in them.
+pub struct Sheet {
+    pub uvs: Vec<[f32; 2]>,
+    pub uv_triangles: Vec<[u32; 3]>,
+    pub textures: Vec<Texture>,
+    pub texture_of_triangle: Vec<u32>,
+}
+
+impl Sheet {
+    /// Adds the texture of the [`patches`] of some triangles.
+    pub fn add(&mut self, triangles: Vec<usize>, (texture, corners): (Texture, Vec<Corners>)) {
+        self.textures.push(texture);
+        for (t, corners) in triangles.into_iter().zip(corners) {
+            self.texture_of_triangle[t] = self.textures.len() as u32 - 1;
+            self.uv_triangles[t] = [0, 1, 2].map(|k| self.uvs.len() as u32 + k);
+            self.uvs.extend(corners);
+        }
+    }
+
+    pub fn appearance(self) -> Appearance {
+        let Self { uvs, uv_triangles, textures, mut texture_of_triangle } = self;
+        if textures.len() == 1 {
+            texture_of_triangle = Vec::new();
+        }
+        Appearance::Textured { uvs, uv_triangles, textures, texture_of_triangle }
+    }
 }
 
 /// The UVs of a triangle's corners.

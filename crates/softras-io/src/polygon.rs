@@ -1,9 +1,13 @@
 //! Triangulates polygons in their plane: convex ones as a fan, others by ear clipping.
 
+use crate::source::is_point;
 use glam::DVec3;
 
 /// Cutting off ears takes time up to the square of the number of corners, so larger concave polygons are refused.
 const MAX_CONCAVE: usize = 2048;
+
+/// What to do about a polygon that is not cut.
+pub const FIX: &str = "triangulate it in a modelling program";
 
 /// The note on polygons that are not simple.
 pub const NOT_SIMPLE: &str = "polygons that cross themselves or have no area are not tiled exactly";
@@ -23,6 +27,12 @@ pub struct Cut {
 pub fn of(corners: &[u32], positions: &[[f64; 3]]) -> Result<Cut, String> {
     if corners.len() == 3 {
         return Ok(Cut { triangles: vec![[0, 1, 2]], is_simple: true });
+    }
+    if let Some(bad) = corners.iter().position(|&corner| !is_point(&positions[corner as usize])) {
+        // All triangles have this corner, so that the polygon is left out as one.
+        let n = corners.len();
+        let triangles = (1..n - 1).map(|i| [bad, (bad + i) % n, (bad + i + 1) % n]).collect();
+        return Ok(Cut { triangles, is_simple: true });
     }
     triangulate(&corners.iter().map(|&corner| positions[corner as usize]).collect::<Vec<_>>())
 }

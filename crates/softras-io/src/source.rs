@@ -98,6 +98,18 @@ impl Loaded {
     }
 }
 
+/// Whether a mesh may have a vertex there.
+pub fn is_point(position: &[f64; 3]) -> bool {
+    position.iter().all(|x| x.abs() <= f64::from(Mesh::FARTHEST))
+}
+
+/// Takes out all but some values, unless there are none.
+fn pick<T: Copy>(values: &mut Vec<T>, kept: &[usize]) {
+    if !values.is_empty() {
+        *values = kept.iter().map(|&t| values[t]).collect();
+    }
+}
+
 /// The largest side of a box, and how far it reaches from 0 along an axis.
 fn extent(low: [f64; 3], high: [f64; 3]) -> (f64, f64) {
     let size = [0, 1, 2].map(|k| high[k] - low[k]).into_iter().fold(0.0, f64::max);
@@ -131,8 +143,6 @@ pub struct Source<'a> {
     pub materials: Vec<String>,
     /// Bytes of memory that the files still to be read may take.
     left: u64,
-    /// Bytes of the mesh and material files that were read.
-    read: u64,
 }
 
 /// Larger files are refused: their lines and vertices would not fit 32-bit numbers.
@@ -140,8 +150,6 @@ const MAX_BYTES: u64 = 1 << 32;
 
 /// Bytes of memory that a byte of a mesh or material file takes, at most.
 const MEMORY_PER_BYTE: u64 = 24;
-/// The least bytes of a file for each triangle whose normals are kept: fewer only where vertices are drawn many times.
-const BYTES_PER_NORMALS: u64 = 6;
 
 /// How many times its size a mesh may lie from 0 before it has an origin of its own.
 const FAR: f64 = 8.0;
@@ -163,7 +171,6 @@ impl<'a> Source<'a> {
             y_is_up: false,
             materials: Vec::new(),
             left,
-            read: 0,
         }
     }
 
@@ -180,7 +187,6 @@ impl<'a> Source<'a> {
             return Err(fault(path, what, "allow more memory (--memory in the command), or give smaller files"));
         }
         self.left -= needed;
-        self.read += bytes;
         input::read(path, MAX_BYTES)
     }
 
@@ -196,17 +202,12 @@ impl<'a> Source<'a> {
             return Err(fault(self.path, what, "allow more memory (--memory in the command), or give a smaller file"));
         }
         self.left -= needed;
-        self.read += bytes as u64;
         Ok(())
     }
 
     /// Keeps the normals of each triangle's corners, given those of the vertices.
     pub fn keep_normals(&mut self, of_vertex: &[[f32; 3]], triangles: &[[u32; 3]]) {
         if of_vertex.is_empty() {
-            return;
-        }
-        if triangles.len() as u64 > self.read / BYTES_PER_NORMALS {
-            self.notes.add(None, "normals are not used: the file draws its vertices too many times");
             return;
         }
         let finite = |normal: &&[f32; 3]| normal.iter().all(|x| x.is_finite());
@@ -216,6 +217,46 @@ impl<'a> Source<'a> {
         self.normals = triangles.iter().map(|triangle| triangle.map(normal)).collect();
     }
 
+    /// The mesh of positions as [`Source::placed`] gives them. Triangles with a corner that is no point of a mesh are left out with a
+    /// note, at the line of the first; vertices that no triangle uses may be anywhere.
+    ///
+    /// # Errors
+    /// Those of [`Mesh::new`] and [`Mesh::with_appearance`].
+    pub fn mesh(
+        &mut self,
+        mut positions: Vec<[f32; 3]>,
+        mut triangles: Vec<[u32; 3]>,
+        mut appearance: Appearance,
+        line: impl Fn(usize) -> Option<usize>,
+    ) -> Result<Mesh> {
+        let is_good: Vec<bool> = positions.iter().map(|p| is_point(&p.map(f64::from))).collect();
+        if is_good.contains(&false) {
+            let fits = |t: &usize| triangles[*t].iter().all(|&corner| is_good.get(corner as usize) != Some(&false));
+            let kept: Vec<usize> = (0..triangles.len()).filter(fits).collect();
+            if let Some(first) = (0..triangles.len()).find(|t| !fits(t)) {
+                let what = format!(
+                    "{} triangles have a corner that is no finite point: left out",
+                    triangles.len() - kept.len()
+                );
+                self.notes.add(line(first), what);
+                pick(&mut self.normals, &kept);
+                pick(&mut self.opacity, &kept);
+                match &mut appearance {
+                    Appearance::Surface { texels, .. } => pick(texels, &kept),
+                    Appearance::Textured { uv_triangles, texture_of_triangle, .. } => {
+                        pick(uv_triangles, &kept);
+                        pick(texture_of_triangle, &kept);
+                    }
+                    Appearance::Uniform(_) | Appearance::VertexColors(_) => {}
+                }
+                pick(&mut triangles, &kept);
+            }
+            let place = is_good.iter().position(|good| *good).map_or([0.0; 3], |first| positions[first]);
+            positions.iter_mut().zip(is_good).filter(|(_, good)| !good).for_each(|(p, _)| *p = place);
+        }
+        Mesh::new(positions, triangles)?.with_appearance(appearance)
+    }
+
     /// Positions as 32-bit numbers. Those of a mesh that lies far from 0 are relative to its origin, which is kept; where the file's
     /// own numbers are too coarse there, that is noted.
     ///
@@ -223,7 +264,8 @@ impl<'a> Source<'a> {
     /// [`softras::Error::OutOfMemory`].
     pub fn placed(&mut self, positions: &[[f64; 3]], triangles: &[[u32; 3]]) -> Result<Vec<[f32; 3]>> {
         input::room_for(&self.path.display().to_string(), 12 * positions.len() as u64)?;
-        let used = || triangles.iter().flatten().filter_map(|&corner| positions.get(corner as usize));
+        let corners = || triangles.iter().flatten();
+        let used = || corners().filter_map(|&corner| positions.get(corner as usize)).filter(|p| is_point(p));
         let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
         for p in used() {
             for k in 0..3 {

@@ -1,7 +1,7 @@
 //! Reads STL files, binary and text. No crate is used: stl_io refuses solids whose names hold a keyword, normals that are not
 //! numbers, and lines that end as on old Macintoshes, and drops colours.
 
-use crate::{fault, fault_at, source::Source, texture::linear_from_srgb, weld::Weld};
+use crate::{fault, fault_at, source::Source, text, texture::linear_from_srgb, weld::Weld};
 use softras::{
     Result,
     scene::{Appearance, Mesh},
@@ -17,7 +17,7 @@ pub(super) fn read(source: &mut Source, bytes: Vec<u8>) -> Result<Mesh> {
     let expected = count.map(|count| HEADER as u64 + TRIANGLE as u64 * count as u64);
     let length = bytes.len() as u64;
     if is_text(&bytes) && expected != Some(length) {
-        return text(source, &bytes);
+        return facets(source, bytes);
     }
     match (count, expected) {
         (Some(count), Some(expected)) if length < expected => {
@@ -37,32 +37,53 @@ pub(super) fn read(source: &mut Source, bytes: Vec<u8>) -> Result<Mesh> {
 
 /// Whether a file is one of text: it begins with `solid` and has a facet, or has ended, soon thereafter.
 fn is_text(bytes: &[u8]) -> bool {
-    let start = &bytes[..bytes.len().min(2048)];
-    let text = String::from_utf8_lossy(start).to_ascii_lowercase();
-    let text = text.trim_start_matches('\u{feff}').trim_start();
-    text.starts_with("solid") && ["facet", "endsolid", "end solid"].iter().any(|word| text.contains(word))
+    let wide = bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]);
+    let start = text::decoded(&bytes[..bytes.len().min(2048)]).to_ascii_lowercase();
+    let start = start.trim_start_matches('\u{feff}').trim_start();
+    wide || start.starts_with("solid") && ["facet", "endsolid", "end solid"].iter().any(|word| start.contains(word))
 }
 
-/// Reads the triangles of all solids of a text. A line's first word says what it is; names may hold any word.
-fn text(source: &mut Source, bytes: &[u8]) -> Result<Mesh> {
-    let (mut positions, mut corners) = (Vec::<[f64; 3]>::new(), 0);
-    let text = String::from_utf8_lossy(bytes);
-    for (line, number) in text.trim_start_matches('\u{feff}').split(['\n', '\r']).zip(1..) {
-        let line_number = (!text.contains('\r')).then_some(number);
-        let wrong = |what: String| fault_at(source.path, line_number, what, "export the file again, as binary STL");
-        let mut words = line.split_whitespace();
-        let word = words.next().unwrap_or_default().to_ascii_lowercase();
-        match word.as_str() {
-            "vertex" => {
-                let numbers: Vec<f64> = words.filter_map(|word| word.parse().ok()).collect();
-                let [x, y, z] = numbers[..] else { return Err(wrong("a vertex needs three numbers".into())) };
-                positions.push([x, y, z]);
-                corners += 1;
+/// Reads the triangles of all solids of a text. Names, which may hold any word, end with their line or before `facet normal`.
+fn facets(source: &mut Source, bytes: Vec<u8>) -> Result<Mesh> {
+    let text = text::whole(source.path, bytes)?;
+    let (text, rest) = text.split_once('\0').unwrap_or((&text, ""));
+    if !rest.is_empty() {
+        source.notes.add(None, format!("{} bytes after the end of the text are not read", rest.len()));
+    }
+    let (mut positions, mut corners, mut words) = (Vec::<[f64; 3]>::new(), 0, Vec::new());
+    let line_end = if text.contains('\n') { '\n' } else { '\r' };
+    for (line, number) in text.split(line_end).zip(1..) {
+        let wrong = |what: String| fault_at(source.path, number, what, "export the file again, as binary STL");
+        words.clear();
+        words.extend(line.split_whitespace());
+        let is = |at: usize, word: &str| words.get(at).is_some_and(|own: &&str| own.eq_ignore_ascii_case(word));
+        let mut at = 0;
+        while let Some(word) = words.get(at) {
+            at += 1;
+            match word.to_ascii_lowercase().as_str() {
+                "vertex" => {
+                    let numbers = words[at..].iter().take(3).map_while(|word| text::number(word));
+                    let [x, y, z] = numbers.collect::<Vec<f64>>()[..] else {
+                        return Err(wrong("a vertex needs three numbers".into()));
+                    };
+                    positions.push([x, y, z]);
+                    (at, corners) = (at + 3, corners + 1);
+                }
+                "facet" | "endfacet" | "endloop" if matches!(corners, 0 | 3) => corners = 0,
+                "facet" | "endfacet" | "endloop" => return Err(wrong(format!("a facet of {corners} vertices"))),
+                "normal" => at += 3,
+                "solid" | "endsolid" => {
+                    while at < words.len() && !(is(at, "facet") && is(at + 1, "normal")) {
+                        at += 1
+                    }
+                }
+                "outer" | "loop" | "end" => {}
+                "color" => {
+                    source.notes.count(number, "colours of text are not read");
+                    at = words.len();
+                }
+                other => return Err(wrong(format!("unknown word {:?}", text::name(other)))),
             }
-            "facet" | "endfacet" | "endloop" if corners % 3 == 0 && corners < 4 => corners = 0,
-            "facet" | "endfacet" | "endloop" => return Err(wrong(format!("a facet of {corners} vertices"))),
-            "" | "solid" | "outer" | "end" | "endsolid" | "color" => {}
-            other => return Err(wrong(format!("unknown word {:?}", other.chars().take(32).collect::<String>()))),
         }
     }
     if positions.len() % 3 != 0 {
@@ -77,18 +98,22 @@ fn binary(source: &mut Source, bytes: &[u8]) -> Result<Mesh> {
     let number = |bytes: &[u8]| f64::from(f32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]));
     let usual = bytes[..80]
         .windows(10)
-        .find(|window| window.starts_with(b"COLOR="))
+        .find(|window| window.starts_with(b"COLOR=") && window[6..] != [0; 4])
         .map(|window| [window[6], window[7], window[8]]);
     let curve = |x: f32| if source.options.srgb { linear_from_srgb(x) } else { x };
     let fifth = |word: u16, low: u16| curve(f32::from(word >> low & 31) / 31.0);
     let (mut positions, mut colors, mut is_colored) = (Vec::new(), Vec::new(), usual.is_some());
-    for triangle in bytes[HEADER..].chunks_exact(TRIANGLE) {
+    let triangles = || bytes[HEADER..].chunks_exact(TRIANGLE);
+    let word = |triangle: &[u8]| u16::from_le_bytes([triangle[48], triangle[49]]);
+    // Where no word has a colour, nobody wrote colours into them.
+    let has_words = triangles().any(|triangle| word(triangle) & 0x7fff != 0);
+    for triangle in triangles() {
         positions.extend([12, 24, 36].map(|at| [0, 4, 8].map(|k| number(&triangle[at + k..]))));
-        let word = u16::from_le_bytes([triangle[48], triangle[49]]);
+        let word = word(triangle);
         // Materialise sets the highest bit where the object's colour counts; MeshLab reads a colour beside it all the same.
         let has_own = match usual {
-            Some(_) => word & 0x8000 == 0 || !matches!(word & 0x7fff, 0 | 0x7fff),
-            None => word & 0x8000 != 0,
+            Some(_) => has_words && word & 0x8000 == 0 || !matches!(word & 0x7fff, 0 | 0x7fff),
+            None => has_words && word & 0x8000 != 0,
         };
         is_colored |= has_own;
         colors.push(match usual {
@@ -112,5 +137,5 @@ fn mesh(source: &mut Source, corners: &[[f64; 3]], colors: Vec<[f32; 3]>) -> Res
         Some(first) if colors.iter().all(|color| color == first) => Appearance::Uniform(*first),
         Some(_) => Appearance::Surface { resolution: 1, texels: colors },
     };
-    Mesh::new(weld.positions, triangles)?.with_appearance(appearance)
+    source.mesh(weld.positions, triangles, appearance, |_| None)
 }

@@ -1,6 +1,61 @@
-//! Text for the terminal, in which characters from files and names cannot control it.
+//! The text and the numbers of files, and text for the terminal, in which characters from files and names cannot control it.
 
-use std::borrow::Cow;
+use crate::input;
+use softras::Result;
+use std::{borrow::Cow, path::Path, str::FromStr};
+
+const MARK: char = '\u{feff}';
+
+/// Bytes as text: UTF-8, or else Latin-1, in which old programs write names.
+pub(crate) fn decoded(bytes: &[u8]) -> Cow<'_, str> {
+    std::str::from_utf8(bytes).map_or_else(|_| bytes.iter().map(|&byte| char::from(byte)).collect(), Cow::Borrowed)
+}
+
+/// Bytes without a mark of UTF-8 before them.
+pub(crate) fn unmarked(bytes: &[u8]) -> &[u8] {
+    bytes.strip_prefix(&[0xef, 0xbb, 0xbf]).unwrap_or(bytes)
+}
+
+/// Bytes without spaces, NUL and the end of a DOS text behind them.
+pub(crate) fn unpadded(bytes: &[u8]) -> &[u8] {
+    let is_padding = |byte: &&u8| byte.is_ascii_whitespace() || matches!(byte, 0 | 0x1a);
+    &bytes[..bytes.len() - bytes.iter().rev().take_while(is_padding).count()]
+}
+
+/// The text of a file in UTF-8, in UTF-16 with its mark, or in Latin-1, without the mark and the padding behind the text.
+pub(crate) fn whole(path: &Path, bytes: Vec<u8>) -> Result<String> {
+    let wide = |pair: fn([u8; 2]) -> u16| {
+        String::from_utf16_lossy(&bytes.as_chunks().0.iter().map(|b| pair(*b)).collect::<Vec<_>>())
+    };
+    let room = || input::room_for(&path.display().to_string(), 3 * bytes.len() as u64);
+    let mut text = match bytes[..] {
+        [0xff, 0xfe, ..] => room().map(|()| wide(u16::from_le_bytes))?,
+        [0xfe, 0xff, ..] => room().map(|()| wide(u16::from_be_bytes))?,
+        _ => match String::from_utf8(bytes) {
+            Ok(text) => text,
+            Err(error) => {
+                let bytes = error.into_bytes();
+                input::room_for(&path.display().to_string(), 2 * bytes.len() as u64)?;
+                decoded(&bytes).into_owned()
+            }
+        },
+    };
+    // NUL, and the end of a text under DOS.
+    text.truncate(text.trim_end_matches(|c: char| c.is_whitespace() || matches!(c, '\0' | '\x1a')).len());
+    if text.starts_with(MARK) {
+        text.drain(..MARK.len_utf8());
+    }
+    Ok(text)
+}
+
+/// A number of a text, which may be infinite or none (`nan`, `-nan(ind)`, `1.#QNAN`).
+pub(crate) fn number<T: FromStr + From<f32>>(word: &str) -> Option<T> {
+    let is_none = || {
+        let word = word.trim_start_matches(['+', '-']);
+        word.starts_with("1.#") || word.get(..3).is_some_and(|start| start.eq_ignore_ascii_case("nan"))
+    };
+    word.parse().ok().or_else(|| is_none().then_some(T::from(f32::NAN)))
+}
 
 /// The most characters of a name that is shown.
 const LONGEST_NAME: usize = 80;

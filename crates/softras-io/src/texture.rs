@@ -8,11 +8,10 @@ use crate::{
 };
 use image::{DynamicImage, ImageDecoder, ImageReader};
 use softras::{
-    Result,
+    Error, Result,
     scene::{Texture, Wrap},
 };
 use std::{
-    fs,
     io::{BufRead, Seek},
     path::Path,
 };
@@ -40,7 +39,12 @@ impl Decoded {
 /// # Errors
 /// What is wrong with it.
 pub fn read(source: &mut Source, path: &Path, srgb: bool, room: Room) -> std::result::Result<Decoded, String> {
-    let length = fs::metadata(path).map_err(|error| error.to_string())?.len();
+    let file = input::open(path).map_err(|error| match error {
+        // The caller names the file.
+        Error::File { what, fix, .. } => format!("{what} ({fix})"),
+        other => other.to_string(),
+    });
+    let length = file?.metadata().map_or(0, |metadata| metadata.len());
     let decoded = decode(ImageReader::open(path).map_err(|error| error.to_string())?, length, srgb, room)?;
     if !source.files.iter().any(|file| file == path) {
         source.files.push(path.into());

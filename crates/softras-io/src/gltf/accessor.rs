@@ -1,10 +1,12 @@
 //! Reads the arrays of a glTF file: positions, colours, UVs, indices, matrices.
 
 use super::{
+    Wrong,
     document::Document,
     json::{Accessor, SparsePart},
+    lacks,
 };
-use crate::source::Source;
+use crate::{color, source::Source, within};
 
 /// The most elements of an accessor without data in the file, which are zeros.
 const MOST_ZEROS: usize = 1 << 20;
@@ -77,10 +79,36 @@ fn whole(bytes: &[u8]) -> u32 {
 
 impl Document<'_> {
     /// Vectors of `N` components; further components of the file are left out, and those that it lacks are 1.
-    pub fn vectors<const N: usize>(&mut self, source: &mut Source, index: usize) -> Result<Vec<[f32; N]>, String> {
+    pub fn vectors<const N: usize>(&mut self, source: &mut Source, index: usize) -> Result<Vec<[f32; N]>, Wrong> {
+        let is_share = self.accessor(index)?.0.normalized;
+        self.scaled(source, index, is_share)
+    }
+
+    /// Colours with alpha. Whole numbers are shares of the largest, also where the file does not say so; floats up to 255 are bytes.
+    pub fn colors(&mut self, source: &mut Source, index: usize) -> Result<Vec<[f32; 4]>, Wrong> {
+        let is_whole = self.accessor(index)?.1 != Kind::F32;
+        let mut colors = self.scaled::<4>(source, index, is_whole)?;
+        if !is_whole && color::are_bytes(colors.iter().flat_map(|color| color[..3].iter().copied())) {
+            source.notes.count(None, "colours up to 255 are divided by 255");
+            colors.iter_mut().flatten().for_each(|x| *x /= 255.0);
+        }
+        for color in &mut colors {
+            if !color::is_color(&[color[0], color[1], color[2]]) || color[3].is_nan() {
+                source.notes.count(None, color::BAD);
+                *color = [1.0; 4];
+            }
+        }
+        Ok(colors)
+    }
+
+    fn scaled<const N: usize>(
+        &mut self,
+        source: &mut Source,
+        index: usize,
+        is_share: bool,
+    ) -> Result<Vec<[f32; N]>, Wrong> {
         let (accessor, kind) = self.accessor(index)?;
-        let (is_share, least) = (accessor.normalized, kind.size());
-        let has = components(accessor);
+        let (has, least) = (components(accessor), kind.size());
         // Colours may lack their alpha.
         let needed = if N == 4 { 3 } else { N };
         // Columns of matrices of bytes or shorts are padded to four bytes, which is not handled: glTF has such matrices nowhere.
@@ -89,30 +117,33 @@ impl Document<'_> {
     }
 
     /// Whole numbers.
-    pub fn indices(&mut self, source: &mut Source, index: usize) -> Result<Vec<u32>, String> {
+    pub fn indices(&mut self, source: &mut Source, index: usize) -> Result<Vec<u32>, Wrong> {
         self.refuse_fractions(index)?;
         self.elements(source, index, 1, whole)
     }
 
     /// Four whole numbers each.
-    pub fn joints(&mut self, source: &mut Source, index: usize) -> Result<Vec<[u32; 4]>, String> {
+    pub fn joints(&mut self, source: &mut Source, index: usize) -> Result<Vec<[u32; 4]>, Wrong> {
         let size = self.refuse_fractions(index)?.size();
         self.elements(source, index, 4, |bytes| std::array::from_fn(|k| whole(&bytes[k * size..(k + 1) * size])))
     }
 
-    fn refuse_fractions(&self, index: usize) -> Result<Kind, String> {
+    fn refuse_fractions(&self, index: usize) -> Result<Kind, Wrong> {
         match self.accessor(index)?.1 {
             kind @ (Kind::U8 | Kind::U16 | Kind::U32) => Ok(kind),
-            _ => Err(format!("accessor {index}: indices must be unsigned whole numbers")),
+            _ => {
+                let what = format!("accessor {index}: indices must be unsigned whole numbers");
+                Err((what, "give them the componentType 5121, 5123 or 5125".into()))
+            }
         }
     }
 
-    pub(super) fn accessor(&self, index: usize) -> Result<(&Accessor, Kind), String> {
-        let count = self.root.accessors.len();
-        let accessor =
-            self.root.accessors.get(index).ok_or_else(|| format!("accessor {index} but there are {count}"))?;
-        let kind = Kind::of(accessor.component_type.0);
-        kind.map(|kind| (accessor, kind)).ok_or_else(|| format!("accessor {index} has an unknown component type"))
+    pub(super) fn accessor(&self, index: usize) -> Result<(&Accessor, Kind), Wrong> {
+        let all = &self.root.accessors;
+        let accessor = all.get(index).ok_or_else(|| lacks("accessor", index, all.len()))?;
+        let types = "use 5120 to 5123, 5125 or 5126";
+        let wrong = || (format!("accessor {index} has the componentType {}", accessor.component_type.0), types.into());
+        Kind::of(accessor.component_type.0).map(|kind| (accessor, kind)).ok_or_else(wrong)
     }
 
     /// Reads each element, which must have at least so many components, from its bytes.
@@ -122,11 +153,12 @@ impl Document<'_> {
         index: usize,
         needed: usize,
         read: impl Fn(&[u8]) -> T,
-    ) -> Result<Vec<T>, String> {
+    ) -> Result<Vec<T>, Wrong> {
         let (accessor, kind) = self.accessor(index)?;
         let has = components(accessor);
         if has < needed {
-            return Err(format!("accessor {index} has {has} components, {needed} are needed"));
+            let what = format!("accessor {index} has {has} components, {needed} are needed");
+            return Err((what, "give it the type that its attribute has: VEC3 for positions, VEC2 for UVs".into()));
         }
         let (element, count, offset) = (has * kind.size(), accessor.count.0, accessor.byte_offset.0);
         if let Some(bytes) = self.unpacked.get(&index) {
@@ -137,16 +169,18 @@ impl Document<'_> {
         let mut values = match accessor.buffer_view.map(|view| view.0) {
             Some(view) => self.strided(source, (view, offset), element, count, &read),
             // Without data an accessor holds zeros, which take no bytes of the file.
-            None if count > MOST_ZEROS.max(self.held) => Err(format!("{count} elements without data")),
+            None if count > MOST_ZEROS.max(self.held) => {
+                Err((format!("{count} elements without data"), "give the accessor a bufferView".into()))
+            }
             None => Ok(vec![read(&vec![0; element]); count]),
         }
-        .map_err(|what| format!("accessor {index}: {what}"))?;
+        .map_err(within(format!("accessor {index}")))?;
         if let Some((changed, indices, new)) = sparse {
             let size = Kind::of(indices.1).map_or(0, Kind::size);
             let at = self.strided(source, indices.0, size, changed, &whole)?;
             let new = self.strided(source, new.0, element, changed, &read)?;
             for (at, new) in at.into_iter().zip(new) {
-                let outside = || format!("accessor {index}: sparse index {at} but there are {count}");
+                let outside = || lacks(&format!("accessor {index}: sparse index"), at as usize, count);
                 *values.get_mut(at as usize).ok_or_else(outside)? = new;
             }
         }
@@ -161,14 +195,15 @@ impl Document<'_> {
         element: usize,
         count: usize,
         read: &impl Fn(&[u8]) -> T,
-    ) -> Result<Vec<T>, String> {
+    ) -> Result<Vec<T>, Wrong> {
         let (view, stride) = self.view(source, view)?;
         let stride = if stride > 0 { stride } else { element };
         let bytes = view.bytes();
         let length = (stride as u64).saturating_mul((count as u64).saturating_sub(1)).saturating_add(element as u64);
         let end = (offset as u64).saturating_add(if count == 0 { 0 } else { length });
         if end > bytes.len() as u64 || stride < element || element == 0 {
-            return Err(format!("{count} elements, more than its view of {} bytes", bytes.len()));
+            let what = format!("{count} elements, more than its view of {} bytes", bytes.len());
+            return Err((what, super::AGAIN.into()));
         }
         Ok((0..count).map(|i| read(&bytes[offset + i * stride..][..element])).collect())
     }

@@ -1,33 +1,43 @@
 //! The parts of a glTF file and the buffers that it names.
 
-use super::json;
-use crate::{find::find, source::Source};
-use base64::{Engine, engine::general_purpose::STANDARD};
+use super::{AGAIN, CONVERT, Wrong, json, lacks, of_error};
+use crate::{find::find, source::Source, text, within};
+use base64::{
+    Engine,
+    alphabet::STANDARD,
+    engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig},
+};
 use percent_encoding::percent_decode_str;
 use std::{borrow::Cow, collections::HashMap, path::PathBuf, rc::Rc};
 
-/// The JSON and the binary chunk of a file; a file of text is all JSON.
-pub(super) fn split(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), String> {
-    let Some(rest) = bytes.strip_prefix(b"glTF") else {
-        return Ok((bytes.strip_prefix(&[0xef, 0xbb, 0xbf]).unwrap_or(bytes), None));
-    };
+/// The JSON and the binary chunk of a file; a file of text is all JSON. Chunks of other kinds are passed over, and the last one may
+/// lack its padding.
+pub(super) fn split(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), Wrong> {
+    let Some(rest) = bytes.strip_prefix(b"glTF") else { return Ok((text::unmarked(bytes), None)) };
     let number = |at: usize| rest.get(at..at + 4).map(|n| u32::from_le_bytes([n[0], n[1], n[2], n[3]]));
     match number(0) {
         Some(2) => {}
-        Some(version) => return Err(format!("binary glTF of version {version}; version 2 is read")),
-        None => return Err("cut off in its header".into()),
+        Some(version) => return Err((format!("binary glTF of version {version}; version 2 is read"), CONVERT.into())),
+        None => return Err(("cut off in its header".into(), AGAIN.into())),
     }
-    let chunk = |start: usize, kind: &[u8; 4]| -> Result<Option<(&[u8], usize)>, String> {
-        let (Some(length), Some(found)) = (number(start), rest.get(start + 4..start + 8)) else { return Ok(None) };
-        if found != kind {
-            return Ok(None);
+    let (mut json, mut binary, mut at) = (None, None, 8);
+    while let (Some(length), Some(kind)) = (number(at), rest.get(at + 4..at + 8)) {
+        let (start, end) = (at + 8, (at + 8).saturating_add(length as usize));
+        let place = match kind {
+            b"JSON" => &mut json,
+            b"BIN\0" => &mut binary,
+            _ if end > rest.len() => break,
+            _ => &mut None,
+        };
+        if end > rest.len() + 3 {
+            return Err((format!("cut off: a chunk claims {length} bytes"), AGAIN.into()));
         }
-        let end = (start + 8).checked_add(length as usize).ok_or("a chunk without end")?;
-        let content = rest.get(start + 8..end).ok_or(format!("cut off: a chunk claims {length} bytes"))?;
-        Ok(Some((content, end)))
-    };
-    let Some((text, end)) = chunk(8, b"JSON")? else { return Err("binary glTF without JSON".into()) };
-    Ok((text, chunk(end, b"BIN\0")?.map(|(content, _)| content)))
+        place.get_or_insert(&rest[start..end.min(rest.len())]);
+        // Some programs do not count the padding.
+        at = if rest.get(end + 4..end + 8) == Some(b"BIN\0") { end } else { end.next_multiple_of(4) };
+    }
+    let json = json.ok_or_else(|| ("binary glTF without JSON".into(), AGAIN.into()))?;
+    Ok((text::unmarked(json), binary))
 }
 
 /// The JSON with its buffers, which are read when they are first used.
@@ -50,14 +60,15 @@ impl<'a> Document<'a> {
         Self { root, binary, buffers, files, unpacked, views, held }
     }
 
-    pub fn buffer(&mut self, source: &mut Source, index: usize) -> Result<Rc<Cow<'a, [u8]>>, String> {
+    pub fn buffer(&mut self, source: &mut Source, index: usize) -> Result<Rc<Cow<'a, [u8]>>, Wrong> {
         if let Some(known) = self.buffers.get(&index) {
             return Ok(known.clone());
         }
-        let count = self.root.buffers.len();
-        let buffer = self.root.buffers.get(index).ok_or_else(|| format!("buffer {index} but there are {count}"))?;
+        let all = &self.root.buffers;
+        let buffer = all.get(index).ok_or_else(|| lacks("buffer", index, all.len()))?;
+        let empty = || ("a buffer without content".into(), "give it a uri, or the file a BIN chunk".into());
         let bytes = match buffer.uri.as_deref() {
-            None => Rc::new(Cow::Borrowed(self.binary.ok_or("a buffer without content")?)),
+            None => Rc::new(Cow::Borrowed(self.binary.ok_or_else(empty)?)),
             Some(uri) => match embedded(uri) {
                 Some(bytes) => {
                     let bytes = bytes?;
@@ -72,16 +83,18 @@ impl<'a> Document<'a> {
     }
 
     /// A file that buffers or images name, read once.
-    fn file(&mut self, source: &mut Source, uri: &str) -> Result<Rc<Cow<'a, [u8]>>, String> {
-        let name = percent_decode_str(uri).decode_utf8_lossy();
-        let (path, note) = find(source.path, source.path, &name, source.options.allow_outside)?;
+    fn file(&mut self, source: &mut Source, uri: &str) -> Result<Rc<Cow<'a, [u8]>>, Wrong> {
+        let bytes: Vec<u8> = percent_decode_str(uri).collect();
+        let beside = |what| (what, "copy it beside the file, or export a .glb, which holds all".into());
+        let found = find(source.path, source.path, &text::decoded(&bytes), source.options.allow_outside);
+        let (path, note) = found.map_err(beside)?;
         if let Some(note) = note {
             source.notes.add(None, note);
         }
         if let Some(known) = self.files.get(&path) {
             return Ok(known.clone());
         }
-        let bytes: Rc<Cow<[u8]>> = Rc::new(Cow::Owned(source.read_bytes(&path).map_err(|error| error.to_string())?));
+        let bytes: Rc<Cow<[u8]>> = Rc::new(Cow::Owned(source.read_bytes(&path).map_err(of_error)?));
         self.held += bytes.len();
         source.files.push(path.clone());
         self.files.insert(path, bytes.clone());
@@ -89,16 +102,16 @@ impl<'a> Document<'a> {
     }
 
     /// The content of a part of a buffer, and its stride, 0 where there is none.
-    pub fn view(&mut self, source: &mut Source, index: usize) -> Result<(View<'a>, usize), String> {
-        let count = self.root.buffer_views.len();
-        let view = self.root.buffer_views.get(index).ok_or_else(|| format!("view {index} but there are {count}"))?;
+    pub fn view(&mut self, source: &mut Source, index: usize) -> Result<(View<'a>, usize), Wrong> {
+        let all = &self.root.buffer_views;
+        let view = all.get(index).ok_or_else(|| lacks("view", index, all.len()))?;
         if let Some(buffer) = self.views.get(&index).cloned() {
             let end = buffer.len();
             return Ok((View { buffer, start: 0, end }, view.byte_stride.0));
         }
         #[cfg(feature = "packed")]
         if let Some(packed) = view.extensions.get("EXT_meshopt_compression") {
-            let bytes = self.unpacked_view(source, packed).map_err(|what| format!("view {index}: meshopt: {what}"))?;
+            let bytes = self.unpacked_view(source, packed).map_err(within(format!("view {index}: meshopt")))?;
             self.views.insert(index, Rc::new(Cow::Owned(bytes)));
             return self.view(source, index);
         }
@@ -106,22 +119,22 @@ impl<'a> Document<'a> {
         let start = view.byte_offset.0;
         let end = start.saturating_add(view.byte_length.0);
         if end > buffer.len() {
-            return Err(format!("view {index} ends at byte {end} of a buffer of {}", buffer.len()));
+            return Err((format!("view {index} ends at byte {end} of a buffer of {}", buffer.len()), AGAIN.into()));
         }
         Ok((View { buffer, start, end }, view.byte_stride.0))
     }
 
     /// The bytes of an image file.
-    pub fn image(&mut self, source: &mut Source, index: usize) -> Result<View<'a>, String> {
-        let count = self.root.images.len();
-        let image = self.root.images.get(index).ok_or_else(|| format!("image {index} but there are {count}"))?;
+    pub fn image(&mut self, source: &mut Source, index: usize) -> Result<View<'a>, Wrong> {
+        let all = &self.root.images;
+        let image = all.get(index).ok_or_else(|| lacks("image", index, all.len()))?;
         let buffer = match (image.buffer_view, image.uri.as_deref()) {
             (Some(view), _) => return Ok(self.view(source, view.0)?.0),
             (None, Some(uri)) => match embedded(uri) {
                 Some(bytes) => Rc::new(Cow::Owned(bytes?)),
                 None => self.file(source, uri)?,
             },
-            (None, None) => return Err(format!("image {index} without content")),
+            (None, None) => return Err((format!("image {index} without content"), "give it a uri".into())),
         };
         let end = buffer.len();
         Ok(View { buffer, start: 0, end })
@@ -144,9 +157,16 @@ impl View<'_> {
     }
 }
 
-/// The bytes of a `data:` address; `None` for the name of a file.
-fn embedded(uri: &str) -> Option<Result<Vec<u8>, String>> {
-    let rest = uri.strip_prefix("data:")?;
-    let Some((_, text)) = rest.split_once(";base64,") else { return Some(Err("data that is not base64".into())) };
-    Some(STANDARD.decode(text).map_err(|error| format!("malformed base64: {error}")))
+/// The bytes of a `data:` address, in base64 with or without padding and line ends, or percent-encoded; `None` for the name of a file.
+fn embedded(uri: &str) -> Option<Result<Vec<u8>, Wrong>> {
+    let config = GeneralPurposeConfig::new().with_decode_padding_mode(DecodePaddingMode::Indifferent);
+    let config = config.with_decode_allow_trailing_bits(true);
+    let (kind, data) = uri.strip_prefix("data:")?.split_once(',').unwrap_or_default();
+    let bytes: Vec<u8> = percent_decode_str(data).collect();
+    if !kind.ends_with(";base64") {
+        return Some(Ok(bytes));
+    }
+    let letters: Vec<u8> = bytes.into_iter().filter(|byte| !byte.is_ascii_whitespace()).collect();
+    let wrong = |error| (format!("malformed base64: {error}"), AGAIN.into());
+    Some(GeneralPurpose::new(&STANDARD, config).decode(letters).map_err(wrong))
 }

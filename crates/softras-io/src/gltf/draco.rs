@@ -1,6 +1,11 @@
 //! Unpacks the meshes of `KHR_draco_mesh_compression`.
 
-use super::{MAX_DRAWN, accessor::Kind, document::Document, json};
+use super::{
+    MAX_DRAWN, Wrong,
+    accessor::Kind,
+    document::{Document, UNPACK},
+    json, lacks, of_error,
+};
 use crate::source::Source;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
@@ -8,7 +13,7 @@ const NAME: &str = "KHR_draco_mesh_compression";
 
 impl Document<'_> {
     /// Unpacks the arrays of a primitive, unless the file has them unpacked too.
-    pub fn unpack(&mut self, source: &mut Source, primitive: &json::Primitive) -> Result<(), String> {
+    pub fn unpack(&mut self, source: &mut Source, primitive: &json::Primitive) -> Result<(), Wrong> {
         let (Some(packed), Some(position)) = (primitive.extensions.get(NAME), primitive.attribute("POSITION")) else {
             return Ok(());
         };
@@ -18,25 +23,25 @@ impl Document<'_> {
             return Ok(());
         }
         if self.accessor(position)?.0.count.0 > most {
-            return Err(format!("more than {most} vertices"));
+            return Err((format!("more than {most} vertices"), UNPACK.into()));
         }
-        let view = packed["bufferView"].as_u64().ok_or("Draco data without a view")? as usize;
+        let view = packed["bufferView"].as_u64().ok_or_else(|| lacks("Draco data of view", 0, 0))? as usize;
         let (view, _) = self.view(source, view)?;
         // A decoder of foreign code must not end the process over a broken file.
         let mesh = catch_unwind(AssertUnwindSafe(|| decoded(view.bytes())));
-        let mesh =
-            mesh.unwrap_or_else(|_| Err("the decoder failed".into())).map_err(|what| format!("Draco: {what}"))?;
+        let wrong = |what: String| (format!("Draco: {what}"), UNPACK.into());
+        let mesh = mesh.unwrap_or_else(|_| Err("the decoder failed".into())).map_err(wrong)?;
         if mesh.num_faces() > most || mesh.num_points() > most {
-            return Err(format!("Draco: more than {most} vertices or triangles"));
+            return Err(wrong(format!("more than {most} vertices or triangles")));
         }
         let ids = packed["attributes"].as_object();
         for (name, id) in ids.into_iter().flatten() {
             let Some(index) = primitive.attribute(name) else { continue };
             let attribute = id.as_u64().and_then(|id| mesh.attribute_by_unique_id(id as u32));
-            let attribute = attribute.ok_or_else(|| format!("Draco: no attribute for {name}"))?;
+            let attribute = attribute.ok_or_else(|| wrong(format!("no attribute for {name}")))?;
             let (accessor, kind) = self.accessor(index)?;
             if (kind == Kind::F32) != (attribute.data_type() == draco_core::DataType::Float32) {
-                return Err(format!("Draco: {name} is of another type than its accessor"));
+                return Err(wrong(format!("{name} is of another type than its accessor")));
             }
             let components = super::accessor::components(accessor);
             let values = attribute.read_f32s(mesh.num_points(), components);
@@ -52,8 +57,8 @@ impl Document<'_> {
         Ok(())
     }
 
-    fn keep(&mut self, source: &mut Source, accessor: usize, bytes: Vec<u8>) -> Result<(), String> {
-        source.unpacked(bytes.len()).map_err(|error| error.to_string())?;
+    fn keep(&mut self, source: &mut Source, accessor: usize, bytes: Vec<u8>) -> Result<(), Wrong> {
+        source.unpacked(bytes.len()).map_err(of_error)?;
         self.held += bytes.len();
         self.unpacked.insert(accessor, bytes);
         Ok(())

@@ -1,11 +1,13 @@
 //! Materials of glTF files: base colours, emitted light, and their textures.
 
 use super::{
-    Piece,
+    Piece, Wrong,
     document::Document,
     json::{self, Material, TextureInfo, Transform},
+    lacks,
 };
 use crate::{
+    color,
     paint::{Canvas, Edge, on_canvas},
     source::Source,
     texture::{self, Decoded},
@@ -112,21 +114,32 @@ impl Cut {
 }
 
 /// The look of a material; white without one.
-pub(super) fn look(source: &mut Source, root: &json::Root, index: Option<usize>) -> Result<Look, String> {
+pub(super) fn look(source: &mut Source, root: &json::Root, index: Option<usize>) -> Result<Look, Wrong> {
     let white = Material::default();
-    let count = root.materials.len();
+    let all = &root.materials;
     let material = match index {
-        Some(index) => root.materials.get(index).ok_or_else(|| format!("material {index} but there are {count}"))?,
+        Some(index) => all.get(index).ok_or_else(|| lacks("material", index, all.len()))?,
         None => &white,
     };
     let extension = |name: &str| material.extensions.get(name);
     let diffuse = extension("KHR_materials_pbrSpecularGlossiness").and_then(|value| json::Pbr::deserialize(value).ok());
     let pbr = diffuse.as_ref().unwrap_or(&material.pbr_metallic_roughness);
-    let [r, g, b, a] = pbr.base_color_factor.unwrap_or([1.0; 4]).map(|x| x as f32);
+    let [r, g, b, mut alpha] = pbr.base_color_factor.unwrap_or([1.0; 4]).map(|x| x as f32);
+    let mut base = [r, g, b];
+    if color::are_bytes(base.into_iter()) {
+        source.notes.count(None, "base colours up to 255 are divided by 255");
+        (base, alpha) = (base.map(|x| x / 255.0), alpha / 255.0);
+    }
     let is_unlit = extension("KHR_materials_unlit").is_some();
     let strength = extension("KHR_materials_emissive_strength").and_then(|value| value["emissiveStrength"].as_f64());
     let glow = material.emissive_factor.map(|x| (x * strength.unwrap_or(1.0)) as f32);
     let mut glow = if is_unlit { [0.0; 3] } else { glow };
+    for (color, usual) in [(&mut base, [1.0; 3]), (&mut glow, [0.0; 3])] {
+        if !color::is_color(color) {
+            source.notes.count(None, "colours of materials that are out of range are not used");
+            *color = usual;
+        }
+    }
     let mut map = pbr.base_color_texture.as_ref().map(Map::of);
     if glow != [0.0; 3] {
         source.notes.count(None, "emitted light is drawn as a colour that is shaded: --unlit shows it as it is");
@@ -143,7 +156,7 @@ pub(super) fn look(source: &mut Source, root: &json::Root, index: Option<usize>)
             }
         }
     }
-    Ok(Look { color: [r, g, b], glow, alpha: a, cut: Cut::of(material), is_unlit, map })
+    Ok(Look { color: base, glow, alpha, cut: Cut::of(material), is_unlit, map })
 }
 
 /// A piece's texture, by its number, and the place of its UVs there.
@@ -158,7 +171,7 @@ pub(super) fn textures(
     source: &mut Source,
     document: &mut Document,
     pieces: &[Piece],
-) -> Result<(Vec<Texture>, Vec<Image>), String> {
+) -> Result<(Vec<Texture>, Vec<Image>), Wrong> {
     let mut textures = Textures::new(source.room());
     let mut canvases: Vec<Canvas> = Vec::new();
     let mut of_piece = Vec::with_capacity(pieces.len());
@@ -176,7 +189,7 @@ pub(super) fn textures(
         let key = Key([number, map.glow.map_or(0, |glow| glow + 1), map.is_glow.into()], look.cut, bits);
         let index = textures.find_or(key, |room| {
             let read = painted(source, document, map, number, look, color, room).and_then(|decoded| {
-                let (texture, canvas) = on_canvas(decoded, edges, *range)?;
+                let (texture, canvas) = on_canvas(decoded, edges, *range, &mut source.notes)?;
                 canvases.push(canvas);
                 Ok(texture)
             });
@@ -188,11 +201,10 @@ pub(super) fn textures(
 }
 
 /// The number of the texture of a map, and how it goes on beyond its edges along u and v.
-fn placed(source: &mut Source, document: &Document, map: &Map) -> Result<(usize, [Edge; 2]), String> {
+fn placed(source: &mut Source, document: &Document, map: &Map) -> Result<(usize, [Edge; 2]), Wrong> {
     let root = document.root;
     let index = map.info.index.0;
-    let texture =
-        root.textures.get(index).ok_or_else(|| format!("texture {index} but there are {}", root.textures.len()))?;
+    let texture = root.textures.get(index).ok_or_else(|| lacks("texture", index, root.textures.len()))?;
     let sampler = texture.sampler.and_then(|sampler| root.samplers.get(sampler.0));
     let mode = |mode: Option<json::Whole>| match mode.map(|mode| mode.0) {
         Some(CLAMP) => Edge::Clamp,
@@ -239,6 +251,7 @@ fn painted(
 
 fn read(source: &mut Source, document: &mut Document, index: usize, room: Room) -> Result<Decoded, String> {
     let root = document.root;
+    let said = |(what, fix): Wrong| format!("{what} ({fix})");
     let texture = root.textures.get(index).ok_or_else(|| format!("there are {} textures", root.textures.len()))?;
     let webp = texture.extensions.get("EXT_texture_webp").and_then(|value| value["source"].as_u64());
     let image = match (texture.source, webp) {
@@ -246,11 +259,11 @@ fn read(source: &mut Source, document: &mut Document, index: usize, room: Room) 
         (None, Some(image)) => image as usize,
         (None, None) => {
             let basis = texture.extensions.get("KHR_texture_basisu").and_then(|value| value["source"].as_u64());
-            let file = document.image(source, basis.ok_or("it names no image")? as usize)?;
+            let file = document.image(source, basis.ok_or("it names no image that is read")? as usize).map_err(said)?;
             return texture::decode_basis(file.bytes(), source.options.srgb, room);
         }
     };
-    let file = document.image(source, image)?;
+    let file = document.image(source, image).map_err(said)?;
     let bytes = file.bytes();
     texture::decode(ImageReader::new(Cursor::new(bytes)), bytes.len() as u64, source.options.srgb, room)
 }

@@ -1,6 +1,10 @@
 //! Unpacks the views of `EXT_meshopt_compression`.
 
-use super::document::Document;
+use super::{
+    AGAIN, Wrong,
+    document::{Document, UNPACK},
+    of_error,
+};
 use crate::source::Source;
 use meshopt_rs::{
     index::{buffer::decode_index_buffer, sequence::decode_index_sequence},
@@ -17,21 +21,23 @@ const MOST_PER_BYTE: usize = 64;
 
 impl Document<'_> {
     /// The bytes of a view that the extension `packed` describes.
-    pub fn unpacked_view(&mut self, source: &mut Source, packed: &Value) -> Result<Vec<u8>, String> {
+    pub fn unpacked_view(&mut self, source: &mut Source, packed: &Value) -> Result<Vec<u8>, Wrong> {
         let number = |name: &str| packed[name].as_f64().unwrap_or(0.0) as usize;
         let buffer = self.buffer(source, number("buffer"))?;
         let (start, length) = (number("byteOffset"), number("byteLength"));
-        let bytes = buffer.get(start..start.saturating_add(length)).ok_or("it ends beyond its buffer")?;
+        let bytes = buffer
+            .get(start..start.saturating_add(length))
+            .ok_or_else(|| ("it ends beyond its buffer".into(), AGAIN.into()))?;
         let (count, stride) = (number("count"), number("byteStride"));
         let size = count.saturating_mul(stride);
         if size > MOST_PER_BYTE * length {
-            return Err(format!("{count} elements, more than {length} bytes hold"));
+            return Err((format!("{count} elements, more than {length} bytes hold"), AGAIN.into()));
         }
-        source.unpacked(size).map_err(|error| error.to_string())?;
+        source.unpacked(size).map_err(of_error)?;
         self.held += size;
         // A decoder of foreign code must not end the process over a broken file.
         let decoded = catch_unwind(AssertUnwindSafe(|| decoded(bytes, packed, count, stride)));
-        decoded.unwrap_or_else(|_| Err("the decoder failed".into()))
+        decoded.unwrap_or_else(|_| Err("the decoder failed".into())).map_err(|what| (what, UNPACK.into()))
     }
 }
 

@@ -19,7 +19,7 @@ pub use write::glb;
 use crate::{
     fault,
     obj::{FAR_UVS, FARTHEST_UV},
-    paint::{self, Patch},
+    paint::{self, Patch, Sheet},
     source::Source,
     text,
     textures::Textures,
@@ -35,7 +35,7 @@ use softras::{
     Result,
     scene::{Appearance, Mesh, Texture, Wrap},
 };
-use std::collections::BTreeSet;
+use std::{borrow::Cow, collections::BTreeSet};
 
 /// The most vertices, and the most triangles, where a file draws its meshes several times; without that, the bytes of its
 /// buffers are the limit.
@@ -45,21 +45,70 @@ const TRIANGLES: usize = 4;
 const STRIP: usize = 5;
 const FAN: usize = 6;
 
+/// What is wrong with a part of the file, and what to do.
+type Wrong = crate::Wrong<Cow<'static, str>>;
+
+const AGAIN: &str = "copy or download the file again, with those that it names";
+const CONVERT: &str = "convert it: npx gltf-pipeline -i IN.gltf -o OUT.glb";
+
+/// An index of the file that leads nowhere.
+fn lacks(what: &str, index: usize, count: usize) -> Wrong {
+    let fix = "the file contradicts itself: export it again (github.khronos.org/glTF-Validator shows where)";
+    (format!("{what} {index} but there are {count}"), fix.into())
+}
+
+/// What is wrong with a file that this one names.
+fn of_error(error: softras::Error) -> Wrong {
+    match error {
+        softras::Error::File { path, what, fix, .. } => (format!("{}: {what}", path.display()), fix.into()),
+        other => (other.to_string(), AGAIN.into()),
+    }
+}
+
+/// The JSON of a file. Where a program wrote numbers that JSON does not have, they are 0, with a note.
+fn parsed(source: &mut Source, text: &str) -> Result<Value> {
+    let error = match serde_json::from_str(text) {
+        Ok(value) => return Ok(value),
+        Err(error) => error,
+    };
+    let mut is_string = false;
+    let parts = text.split_inclusive('"').map(|part| {
+        let body = part.strip_suffix('"').unwrap_or(part);
+        let is_escaped = body.bytes().rev().take_while(|byte| *byte == b'\\').count() % 2 == 1;
+        let was_string = is_string;
+        is_string = !was_string || is_escaped;
+        let mended = || part.replace("-Infinity", "0").replace("Infinity", "0").replace("NaN", "0");
+        if was_string { part.into() } else { mended() }
+    });
+    let mended: String = parts.collect();
+    let value = serde_json::from_str(&mended).map_err(|_| {
+        let fix = "correct the JSON there, or export the file again";
+        fault(source.path, format!("malformed glTF: {error}"), fix)
+    })?;
+    source.notes.add(None, "numbers that are not finite are taken as 0");
+    Ok(value)
+}
+
 pub(super) fn read(source: &mut Source, bytes: &[u8]) -> Result<Mesh> {
     let path = source.path;
-    let wrong = |what: String| fault(path, what, "export the file again, as .glb without compression");
+    let wrong = |(what, fix): Wrong| fault(path, what, fix);
     let (text, binary) = document::split(bytes).map_err(wrong)?;
-    let malformed = |error: serde_json::Error| wrong(format!("malformed glTF: {error}"));
-    let value: Value = serde_json::from_slice(text).map_err(malformed)?;
+    let value = parsed(source, &text::decoded(text::unpadded(text)))?;
     let version = value["asset"]["version"].as_str().unwrap_or("2.0");
     if !version.starts_with("2.") {
-        let what = format!("glTF of version {version:.20}; version 2.0 is read");
-        return Err(fault(path, what, "convert it: npx gltf-pipeline -i IN.gltf -o OUT.glb"));
+        return Err(fault(path, format!("glTF of version {version:.20}; version 2.0 is read"), CONVERT));
     }
-    let root = json::Root::deserialize(&value).map_err(malformed)?;
+    let root = json::Root::deserialize(&value).map_err(|error| {
+        fault(
+            path,
+            format!("malformed glTF: {error}"),
+            "give the property the type that glTF 2.0 says, or export again",
+        )
+    })?;
     if let Some(name) = root.extensions_required.iter().find(|name| !properties::is_readable(name)) {
         let what = format!("it needs the extension {name}, which softras does not read");
-        return Err(fault(path, what, document::UNPACK));
+        let is_packed = name.ends_with("compression");
+        return Err(fault(path, what, if is_packed { document::UNPACK } else { "export the file without it" }));
     }
     properties::note_all(source, &value);
     let mut soup = Soup::default();
@@ -116,14 +165,14 @@ impl Soup {
         primitive: &json::Primitive,
         weights: &[f64],
         placed: &Placed,
-    ) -> Result<(), String> {
+    ) -> Result<(), Wrong> {
         let mode = primitive.mode.map_or(TRIANGLES, |mode| mode.0);
         if mode < TRIANGLES {
             source.notes.count(None, "lines and points are not drawn");
             return Ok(());
         }
         if mode > FAN {
-            return Err("an unknown mode".into());
+            return Err((format!("mode {mode}"), "use the modes 0 to 6".into()));
         }
         let Some(position) = primitive.attribute("POSITION") else {
             source.notes.count(None, "a primitive without positions is not drawn");
@@ -136,7 +185,7 @@ impl Soup {
             && is_packed
             && document.root.accessors.get(position).is_some_and(|accessor| accessor.buffer_view.is_none())
         {
-            return Err(format!("it is compressed (Draco): {}", document::UNPACK));
+            return Err(("it is compressed (Draco)".into(), document::UNPACK.into()));
         }
         let start = self.positions.len();
         let mut positions = document.vectors::<3>(source, position)?;
@@ -147,10 +196,11 @@ impl Soup {
         };
         let most = document.held.max(MAX_DRAWN);
         if self.triangles.len() + corners.len() > most || start + count > most {
-            return Err(format!("repeated meshes have more than {most} vertices or triangles in all"));
+            let what = format!("repeated meshes have more than {most} vertices or triangles in all");
+            return Err((what, "draw them fewer times, or split the file".into()));
         }
-        if let Some(corner) = corners.iter().find(|&&corner| corner as usize >= count) {
-            return Err(format!("vertex index {corner} but there are {count}"));
+        if let Some(&corner) = corners.iter().find(|&&corner| corner as usize >= count) {
+            return Err(lacks("vertex index", corner as usize, count));
         }
         let places = placed.of_vertices(source, document, primitive, count)?;
         let mirrored = places.first().is_some_and(|place| place.determinant() < 0.0);
@@ -183,10 +233,10 @@ impl Soup {
         document: &mut Document,
         primitive: &json::Primitive,
         count: usize,
-    ) -> Result<(), String> {
+    ) -> Result<(), Wrong> {
         let material = primitive.material.map(|material| material.0);
         let look = image::look(source, document.root, material)?;
-        let colors = primitive.attribute("COLOR_0").map(|index| document.vectors::<4>(source, index)).transpose()?;
+        let colors = primitive.attribute("COLOR_0").map(|index| document.colors(source, index)).transpose()?;
         self.has_vertex_colors |= colors.is_some();
         let start = self.colors.len();
         self.colors.extend(colors.unwrap_or_default().into_iter().take(count));
@@ -265,8 +315,11 @@ impl Soup {
                 format!("material \"{}\" is wholly transparent: its triangles are invisible", text::name(&name)),
             );
         }
-        let blends = |piece: &Piece| piece.look.cut != image::Cut::Opaque;
-        if self.colors.iter().any(|color| color[3] != 1.0) && self.pieces.iter().any(blends) {
+        let is_mixed = |(t, piece): (usize, usize)| {
+            let [a, b, c] = self.triangles[t].map(|corner| self.colors[corner as usize][3]);
+            (a, a) != (b, c) && self.pieces[piece].look.cut != image::Cut::Opaque
+        };
+        if self.piece_of_triangle().enumerate().any(is_mixed) {
             source.notes.add(None, "the alpha of vertex colours is averaged over each triangle");
         }
     }
@@ -312,7 +365,7 @@ impl Soup {
                 Appearance::Surface { resolution: 1, texels }
             }
         };
-        Mesh::new(weld.positions, triangles)?.with_appearance(appearance)
+        source.mesh(weld.positions, triangles, appearance, |_| None)
     }
 
     /// Textures for all pieces: images, one texel for a colour, and a texture that is made for vertices of different colours.
@@ -325,7 +378,6 @@ impl Soup {
             start = piece.vertices;
         }
         let pieces: Vec<usize> = self.piece_of_triangle().collect();
-        let mut uv_triangles = self.triangles.clone();
         let varying: Vec<usize> = (0..pieces.len()).filter(|&t| self.pieces[pieces[t]].varies).collect();
         let patch = |&t: &usize| {
             let (piece, corners) = (&self.pieces[pieces[t]], self.triangles[t].map(|corner| corner as usize));
@@ -351,21 +403,14 @@ impl Soup {
             let index = index.or_else(|| textures.find_or(color.map(|x| (x + 0.0).to_bits()), one));
             plain.push(index.ok_or_else(|| fault(source.path, "a base colour that is not finite", "correct it"))?);
         }
-        let mut texture_of_triangle: Vec<u32> = pieces.iter().map(|&piece| plain[piece]).collect();
-        let mut uvs = std::mem::take(&mut self.uvs);
-        if let Some((texture, corners)) = made {
-            let index = textures.images.len() as u32;
-            textures.images.push(texture);
-            for (t, corners) in varying.into_iter().zip(corners) {
-                texture_of_triangle[t] = index;
-                uv_triangles[t] = [0, 1, 2].map(|k| uvs.len() as u32 + k);
-                uvs.extend(corners);
-            }
+        let texture_of_triangle = pieces.iter().map(|&piece| plain[piece]).collect();
+        let uvs = std::mem::take(&mut self.uvs);
+        let mut sheet =
+            Sheet { uvs, uv_triangles: self.triangles.clone(), textures: textures.images, texture_of_triangle };
+        if let Some(made) = made {
+            sheet.add(varying, made);
         }
-        if textures.images.len() == 1 {
-            texture_of_triangle = Vec::new();
-        }
-        Ok(Appearance::Textured { uvs, uv_triangles, textures: textures.images, texture_of_triangle })
+        Ok(sheet.appearance())
     }
 }
 
@@ -388,7 +433,7 @@ fn morph(
     name: &str,
     weights: &[f64],
     values: &mut [[f32; 3]],
-) -> Result<(), String> {
+) -> Result<(), Wrong> {
     for (target, weight) in primitive.targets.iter().zip(weights).filter(|(_, weight)| **weight != 0.0) {
         let Some(offsets) = target.get(name) else { continue };
         for (value, offset) in values.iter_mut().zip(document.vectors::<3>(source, offsets.0)?) {

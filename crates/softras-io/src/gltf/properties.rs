@@ -59,7 +59,7 @@ pub const PROPERTIES: &Fates = &[
     ("extensions.KHR_meshopt_compression", NotDrawn(UNPACK)),
     (
         "extensions.KHR_lights_punctual extensions.EXT_lights_ies extensions.EXT_lights_image_based",
-        NotDrawn("the lights of the file are not used: give --light"),
+        NotDrawn("the lights of the file are not used (--light gives others)"),
     ),
     (
         "extensions.KHR_materials_anisotropy extensions.KHR_materials_clearcoat \
@@ -68,7 +68,7 @@ pub const PROPERTIES: &Fates = &[
     ),
     (
         "extensions.KHR_materials_transmission extensions.KHR_materials_volume",
-        NotDrawn("glass is drawn opaque: give the material an alphaMode BLEND"),
+        NotDrawn("light that glass lets through is not drawn: only the base colour's alpha makes it transparent"),
     ),
     (
         "extensions.KHR_materials_diffuse_transmission extensions.KHR_materials_volume_scatter",
@@ -89,7 +89,7 @@ pub const PROPERTIES: &Fates = &[
     ),
     (
         "extensions.MSFT_texture_dds extensions.EXT_texture_avif",
-        NotDrawn("DDS and AVIF images are not read: the texture's other image is drawn"),
+        NotDrawn("DDS and AVIF images are not read: a texture is drawn by its other image, if it has one"),
     ),
 ];
 

@@ -1,7 +1,7 @@
 //! The nodes of a glTF file: where each mesh is drawn, with its instances and its skin.
 
-use super::{Soup, document::Document, json};
-use crate::source::Source;
+use super::{Soup, Wrong, document::Document, json, lacks};
+use crate::{source::Source, within as of};
 use glam::{DMat4, DQuat, DVec3};
 
 /// The most visits of nodes beyond the first of each: a file may draw a node for several parents, but not without end.
@@ -58,8 +58,8 @@ fn roots(root: &json::Root) -> Vec<usize> {
 fn visit<'a>(
     source: &mut Source,
     root: &'a json::Root,
-    mut take: impl FnMut(&mut Source, usize, &'a json::Node, Option<DMat4>) -> Result<(), String>,
-) -> Result<(), String> {
+    mut take: impl FnMut(&mut Source, usize, &'a json::Node, Option<DMat4>) -> Result<(), Wrong>,
+) -> Result<(), Wrong> {
     // A node to enter with its parent's place, or one to leave.
     enum Step {
         Enter(usize, Option<DMat4>),
@@ -76,10 +76,10 @@ fn visit<'a>(
                 continue;
             }
         };
-        let node = root.nodes.get(index).ok_or_else(|| format!("node {index} but there are {}", root.nodes.len()))?;
+        let node = root.nodes.get(index).ok_or_else(|| lacks("node", index, root.nodes.len()))?;
         visits += 1;
         if visits > MOST_VISITS + root.nodes.len() {
-            return Err("its nodes have too many parents in all".into());
+            return Err(("its nodes have too many parents in all".into(), "give each node one parent".into()));
         }
         if std::mem::replace(&mut is_above[index], true) {
             source.notes.count(None, "a node that is its own descendant is drawn once");
@@ -98,7 +98,7 @@ fn visit<'a>(
 }
 
 /// Adds the meshes of all nodes of the scene.
-pub(super) fn add_scene(soup: &mut Soup, source: &mut Source, document: &mut Document) -> Result<(), String> {
+pub(super) fn add_scene(soup: &mut Soup, source: &mut Source, document: &mut Document) -> Result<(), Wrong> {
     let root = document.root;
     let mut worlds = vec![None; if root.skins.is_empty() { 0 } else { root.nodes.len() }];
     visit(source, root, |_, index, _, place| {
@@ -107,13 +107,12 @@ pub(super) fn add_scene(soup: &mut Soup, source: &mut Source, document: &mut Doc
     })?;
     visit(source, root, |source, _, node, place| {
         let Some(mesh) = node.mesh else { return Ok(()) };
-        let count = root.meshes.len();
-        let of = root.meshes.get(mesh.0).ok_or_else(|| format!("mesh {} but there are {count}", mesh.0))?;
-        let weights = if node.weights.is_empty() { &of.weights } else { &node.weights };
+        let drawn = root.meshes.get(mesh.0).ok_or_else(|| lacks("mesh", mesh.0, root.meshes.len()))?;
+        let weights = if node.weights.is_empty() { &drawn.weights } else { &node.weights };
         for placed in places(source, document, node, place, &worlds)? {
-            for (number, primitive) in of.primitives.iter().enumerate() {
-                let place_of = |what: String| format!("mesh {}, primitive {number}: {what}", mesh.0);
-                soup.add(source, document, primitive, weights, &placed).map_err(place_of)?;
+            for (number, primitive) in drawn.primitives.iter().enumerate() {
+                let at = of(format!("mesh {}, primitive {number}", mesh.0));
+                soup.add(source, document, primitive, weights, &placed).map_err(at)?;
             }
         }
         Ok(())
@@ -127,7 +126,7 @@ fn places(
     node: &json::Node,
     place: Option<DMat4>,
     worlds: &[Option<DMat4>],
-) -> Result<Vec<Placed>, String> {
+) -> Result<Vec<Placed>, Wrong> {
     let at = |place: Option<DMat4>| place.map_or(Placed::Here, Placed::At);
     if let Some(skin) = node.skin.and_then(|skin| document.root.skins.get(skin.0)) {
         let inverses = match skin.inverse_bind_matrices {
@@ -165,7 +164,7 @@ impl Placed {
         document: &mut Document,
         primitive: &json::Primitive,
         count: usize,
-    ) -> Result<Vec<DMat4>, String> {
+    ) -> Result<Vec<DMat4>, Wrong> {
         let matrices = match self {
             Self::Here => return Ok(Vec::new()),
             Self::At(place) => return Ok(vec![*place]),
@@ -182,7 +181,7 @@ impl Placed {
                     joints.into_iter().zip(weights.map(f64::from)).filter(|(_, weight)| *weight != 0.0)
                 {
                     let matrix = matrices.get(joint as usize);
-                    let matrix = matrix.ok_or_else(|| format!("joint {joint} but its skin has {}", matrices.len()))?;
+                    let matrix = matrix.ok_or_else(|| lacks("joint", joint as usize, matrices.len()))?;
                     places[i] += *matrix * weight;
                     total[i] += weight;
                 }

@@ -9,7 +9,7 @@ use super::{
 use crate::{
     input,
     notes::Notes,
-    paint::{self, Patch},
+    paint::{self, Patch, Sheet},
     source::Source,
     text,
     textures::Textures,
@@ -36,12 +36,14 @@ pub(super) fn appearance(
     obj: &mut Obj,
     triangles: &mut Triangles,
 ) -> Result<(Appearance, Vec<f32>)> {
-    let library = material::read_libraries(source, &obj.libraries);
-    let used = find_used(obj, &library, &mut source.notes);
+    // What shows where a material has no colour.
+    let plain = if obj.colors.is_empty() { "white" } else { "in the vertices' colours" };
+    let library = material::read_libraries(source, &obj.libraries, plain);
+    let used = find_used(obj, &library, plain, &mut source.notes);
     // A file without `usemtl` means its only material.
     let only = library.only().filter(|_| obj.materials.is_empty());
     if obj.materials.is_empty() && !library.is_empty() {
-        let taken = if only.is_some() { "its only material is taken" } else { "its faces are white" };
+        let taken = if only.is_some() { "its only material is taken".into() } else { format!("its faces are {plain}") };
         source.notes.add(None, format!("materials without a `usemtl`: {taken}"));
     }
     source.materials = used.iter().copied().flatten().chain(only).map(|material| material.name.clone()).collect();
@@ -110,17 +112,17 @@ fn color(material: Option<&Material>) -> [f32; 3] {
 }
 
 /// The material of each name that `usemtl` gives.
-fn find_used<'a>(obj: &Obj, library: &'a Materials, notes: &mut Notes) -> Vec<Option<&'a Material>> {
+fn find_used<'a>(obj: &Obj, library: &'a Materials, plain: &str, notes: &mut Notes) -> Vec<Option<&'a Material>> {
     let mut find = |(name, line): &(String, usize)| {
         let material = library.find(name);
         match material {
             // A library that cannot be read has been noted already.
             None if library.is_whole() => {
                 let place = if obj.libraries.is_empty() { "the file names no mtllib" } else { "in no MTL file" };
-                notes.add(Some(*line), format!("unknown material \"{}\" ({place}): white", text::name(name)));
+                notes.add(Some(*line), format!("unknown material \"{}\" ({place}): {plain}", text::name(name)));
             }
             Some(Material { color: None, map: None, alpha_map: None, .. }) => {
-                notes.add(Some(*line), format!("material \"{}\" has neither Kd nor map_Kd: white", text::name(name)));
+                notes.add(Some(*line), format!("material \"{}\" has neither Kd nor map_Kd: {plain}", text::name(name)));
             }
             _ => {}
         }
@@ -167,13 +169,13 @@ fn textured(
     if !any_file {
         return Ok(None);
     }
-    let mut texture_of_triangle: Vec<u32> =
-        collected(source, triangles.faces.iter().map(|&face| texture_of_face[face]))?;
+    let texture_of_triangle = collected(source, triangles.faces.iter().map(|&face| texture_of_face[face]))?;
     let (mut uvs, mut uv_triangles) = (mem::take(&mut obj.uvs), mem::take(&mut triangles.uvs));
     // A file without UVs has no UV indices yet, and then no face has a texture.
     uv_triangles.resize(triangles.faces.len(), [0; 3]);
     let map = |face: usize| material_of_face[face].and_then(|m| m.map.as_ref().or(m.alpha_map.as_ref()));
     place_uvs(&mut uvs, &mut uv_triangles, |t| map(triangles.faces[t]));
+    let mut sheet = Sheet { uvs, uv_triangles, textures: textures.images, texture_of_triangle };
     if !obj.colors.is_empty() {
         let is_image = |face: usize| obj.faces[face].has_uvs && map(face).is_some();
         let bare: Vec<usize> = (0..triangles.faces.len()).filter(|&t| !is_image(triangles.faces[t])).collect();
@@ -183,21 +185,13 @@ fn textured(
         let patch = |&t: &usize| Patch { colors: triangles.vertices[t].map(|v| obj.colors[v as usize]), image: None };
         let patches: Vec<Patch> = bare.iter().map(patch).collect();
         if !patches.is_empty()
-            && let Ok((texture, corners)) = paint::patches(&patches, u64::MAX)
+            && let Ok(made) = paint::patches(&patches, u64::MAX)
         {
-            textures.images.push(texture);
-            for (t, corners) in bare.into_iter().zip(corners) {
-                texture_of_triangle[t] = textures.images.len() as u32 - 1;
-                uv_triangles[t] = [0, 1, 2].map(|k| uvs.len() as u32 + k);
-                uvs.extend(corners);
-            }
+            sheet.add(bare, made);
         }
     }
-    if textures.images.len() == 1 {
-        texture_of_triangle = Vec::new();
-    }
     // Faces without UVs have UV index 0: any position will do on a 1×1 image.
-    Ok(Some(Appearance::Textured { uvs, uv_triangles, textures: textures.images, texture_of_triangle }))
+    Ok(Some(sheet.appearance()))
 }
 
 /// Gives the triangles whose image is scaled or moved (`-s`, `-o`) UVs of their own.
@@ -219,8 +213,9 @@ fn place_uvs<'a>(uvs: &mut Vec<[f32; 2]>, uv_triangles: &mut [[u32; 3]], map_of:
 
 /// The number of the texture of a material, of its image files; `None` where there are none or they cannot be read.
 fn image(source: &mut Source, textures: &mut Textures<Key>, material: &Material, color: [f32; 3]) -> Option<u32> {
-    let mut locate = |map: &Option<Map>| Some((map.clone()?, texture::locate(source, map.as_ref()?)?));
-    let (map, alpha) = (locate(&material.map), locate(&material.alpha_map));
+    let mut locate =
+        |map: &Option<Map>, without: &str| Some((map.clone()?, texture::locate(source, map.as_ref()?, without)?));
+    let (map, alpha) = (locate(&material.map, texture::IN_KD), locate(&material.alpha_map, "drawn opaque"));
     let wrap = map.as_ref().or(alpha.as_ref())?.0.wrap;
     let path = |map: &Option<(Map, PathBuf)>| map.as_ref().map(|(_, path)| path.clone());
     // The colour counts only if the material has no image for it.

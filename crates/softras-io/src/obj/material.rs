@@ -2,8 +2,9 @@
 //!
 //! The crate tobj is not used, because it panics at `Kd 0.5` (a legal grey) and does not report the line of a texture.
 
-use super::statement::{self, Statement, before_comment, statements};
+use super::statement::{Statement, before_comment, statements};
 use crate::{
+    color,
     fate::{self, Approximated, Drawn, Fate, Fates, NotDrawn, Silent},
     find::find,
     notes::Notes,
@@ -138,7 +139,8 @@ pub(super) struct Map {
 }
 
 /// Reads the files that the OBJ file's `mtllib` statements name; what is wrong with them becomes notes.
-pub(super) fn read_libraries(source: &mut Source, libraries: &[(String, usize)]) -> Materials {
+/// `plain` is the colour of faces without a material.
+pub(super) fn read_libraries(source: &mut Source, libraries: &[(String, usize)], plain: &str) -> Materials {
     let mut materials = Materials::default();
     // A file that is named again adds nothing; reading it again would let a small file cause a lot of work.
     let mut known = HashSet::new();
@@ -163,18 +165,18 @@ pub(super) fn read_libraries(source: &mut Source, libraries: &[(String, usize)])
                     mtl
                 }
                 Err(_) if name.is_empty() => {
-                    source.notes.add(Some(*line), "material file \"\" not found: its materials are white");
+                    source.notes.add(Some(*line), format!("material file \"\" not found: its materials are {plain}"));
                     materials.lacks_some = true;
                     continue;
                 }
                 Err(what) => {
-                    source.notes.add(Some(*line), format!("material file {what}: its materials are white"));
+                    source.notes.add(Some(*line), format!("material file {what}: its materials are {plain}"));
                     materials.lacks_some = true;
                     continue;
                 }
             };
             if known.insert(mtl.canonicalize().unwrap_or_else(|_| mtl.clone())) {
-                read_library(source, &mtl, &mut materials);
+                read_library(source, &mtl, &mut materials, plain);
                 source.files.push(mtl);
             }
         }
@@ -183,15 +185,15 @@ pub(super) fn read_libraries(source: &mut Source, libraries: &[(String, usize)])
 }
 
 /// A statement that is wrong is left out with a note.
-fn read_library(source: &mut Source, mtl: &Path, materials: &mut Materials) {
-    let read = source.read_bytes(mtl).and_then(|bytes| statement::text(mtl, bytes));
+fn read_library(source: &mut Source, mtl: &Path, materials: &mut Materials, plain: &str) {
+    let read = source.read_bytes(mtl).and_then(|bytes| text::whole(mtl, bytes));
     let notes = &mut source.notes;
     let text = match read {
         Ok(text) => text,
         Err(error) => {
             materials.lacks_some = true;
             let what = if let Error::File { what, .. } = error { what } else { error.to_string() };
-            return notes.add_in(mtl, None, format!("{what}: its materials are white"));
+            return notes.add_in(mtl, None, format!("{what}: its materials are {plain}"));
         }
     };
     let first = materials.all.len();
@@ -249,13 +251,22 @@ fn read_library(source: &mut Source, mtl: &Path, materials: &mut Materials) {
                 None => note(format!("malformed `{keyword}`: opaque (write a number from 0 to 1)")),
             }
         } else if matches!(statement.words().next(), Some("spectral" | "xyz")) {
-            note("Kd by spectral curve or CIE XYZ is not read: white".into());
+            note(format!("Kd by spectral curve or CIE XYZ is not read: {plain}"));
         } else {
             match read_color(&statement) {
-                Some(color) => material.color = Some(color),
+                Some(color) if color::are_bytes(color.into_iter()) => {
+                    note("Kd up to 255 is divided by 255 (write 0 to 1)".into());
+                    material.color = Some(color.map(|x| x / 255.0));
+                }
+                Some(color) => {
+                    if color.iter().any(|x| *x > color::BRIGHT) {
+                        note("Kd is brighter than white (write 0 to 1)".into());
+                    }
+                    material.color = Some(color);
+                }
                 None => {
                     let shown: String = statement.rest().chars().take(80).collect();
-                    note(format!("malformed colour `Kd {shown}`: white (write `Kd r g b`, 0 to 1)"));
+                    note(format!("malformed colour `Kd {shown}`: {plain} (write `Kd r g b`, 0 to 1)"));
                 }
             }
         }
@@ -320,11 +331,11 @@ fn read_map(mtl: &Path, statement: &Statement, mut note: impl FnMut(String)) -> 
                     _ => note(format!("option {option} of {keyword} is not honoured")),
                 }
             }
-            _ => return Err(format!("unknown option {option} of map_Kd")),
+            _ => return Err(format!("unknown option {option} of {keyword}")),
         }
     }
     match rest.trim_matches('"') {
-        "" => Err("map_Kd without a file".into()),
+        "" => Err(format!("{keyword} without a file")),
         name => Ok(Map { name: name.into(), wrap, scale, offset, mtl: mtl.into(), line: statement.line }),
     }
 }

@@ -16,13 +16,14 @@ pub use write::{files_of, png};
 #[cfg(test)]
 pub use {material::STATEMENTS as MATERIAL_STATEMENTS, parse::STATEMENTS};
 
-use crate::source::Source;
+use crate::{source::Source, text};
 use softras::{Mesh, Result};
+use triangles::Triangles;
 
 /// Reads an OBJ file, its materials and its textures.
 pub fn read(source: &mut Source, bytes: Vec<u8>) -> Result<Mesh> {
     let path = source.path;
-    let text = statement::text(path, bytes)?;
+    let text = text::whole(path, bytes)?;
     let mut obj = parse::parse(source, &text)?;
     drop(text);
     let mut triangles = triangles::triangulate(path, &obj, &mut source.notes)?;
@@ -30,5 +31,6 @@ pub fn read(source: &mut Source, bytes: Vec<u8>) -> Result<Mesh> {
     source.normals = triangles.normals;
     source.opacity = opacity;
     let positions = source.placed(&obj.positions, &triangles.vertices)?;
-    Mesh::new(positions, triangles.vertices)?.with_appearance(appearance)
+    let Triangles { vertices, faces, .. } = triangles;
+    source.mesh(positions, vertices, appearance, |t| faces.get(t).map(|&face| obj.faces[face].line))
 }

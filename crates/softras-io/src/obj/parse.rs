@@ -7,14 +7,14 @@
 
 use super::statement::{Statement, statements};
 use crate::{
+    Wrong, color,
     fate::{self, Drawn, Fates, NotDrawn, Silent},
     fault, fault_at, input,
     notes::Notes,
     source::Source,
-    text::name,
-    texture::linear_from_srgb,
+    text::{self, name},
 };
-use softras::{Result, scene::Mesh};
+use softras::Result;
 use std::{collections::HashMap, path::Path, str::FromStr};
 
 /// The largest magnitude of a texture coordinate; beyond it f32 has too few digits left for the position in an image.
@@ -42,8 +42,6 @@ pub(super) struct Obj {
     pub positions: Vec<[f64; 3]>,
     /// One per position, or none at all.
     pub colors: Vec<[f32; 3]>,
-    /// Whether bytes of colours are sRGB.
-    srgb: bool,
     /// One per `vt`, in file order.
     pub uvs: Vec<[f32; 2]>,
     /// The faces in file order.
@@ -85,8 +83,6 @@ struct Totals {
     colored: usize,
     /// Of vertices of seven numbers, how many there are, how many have 1 as the fourth number, and how many have it as the last.
     sevens: [usize; 3],
-    /// Of vertices with a colour, how many have a value above 1.
-    bright: usize,
     uvs: usize,
     normals: usize,
     faces: usize,
@@ -94,7 +90,7 @@ struct Totals {
 }
 
 /// A value, or what is wrong with a statement and how to fix it.
-type Checked<T = ()> = std::result::Result<T, (String, &'static str)>;
+type Checked<T = ()> = std::result::Result<T, Wrong>;
 
 const CORNER_FORMS: &str = "give v, v/vt, v//vn or v/vt/vn";
 
@@ -105,23 +101,18 @@ const CORNER_FORMS: &str = "give v, v/vt, v//vn or v/vt/vn";
 pub(super) fn parse(source: &mut Source, text: &str) -> Result<Obj> {
     let path = source.path;
     let totals = count(text);
-    let obj = Obj::sized(path, &totals, source.options.srgb)?;
+    let obj = Obj::sized(path, &totals)?;
     let notes = &mut source.notes;
     let mut parser = Parser { obj, totals, material: None, material_by_name: HashMap::new(), notes };
     for statement in statements(text) {
         parser.statement(&statement).map_err(|(what, fix)| fault_at(path, statement.line, what, fix))?;
     }
-    let obj = parser.obj;
-    if obj.faces.is_empty() {
-        let (what, fix) = match obj.positions.len() {
-            0 => (
-                "not an OBJ file: it has no vertex and no face".to_string(),
-                "give a mesh, with the ending of its format",
-            ),
-            n => (format!("no faces ({n} vertices)"), "softras draws triangles: give a mesh with `f` statements"),
-        };
-        return Err(fault(path, what, fix));
+    let mut obj = parser.obj;
+    if obj.positions.is_empty() {
+        let what = "not an OBJ file: it has no vertex and no face";
+        return Err(fault(path, what, "give a mesh, with the ending of its format"));
     }
+    color::settle(&mut obj.colors, None, source.options.srgb, &mut source.notes);
     Ok(obj)
 }
 
@@ -164,7 +155,6 @@ impl Totals {
         let (count, words) = vertex_words(statement);
         let number = |at: usize| words[at].parse::<f32>().unwrap_or_default();
         self.colored += usize::from(count == 6 || count == 7);
-        self.bright += usize::from(count == 6 && (3..6).any(|at| number(at) > 1.0));
         if count == 7 {
             let is_one = |at: usize| usize::from(number(at) == 1.0);
             self.sevens = [self.sevens[0] + 1, self.sevens[1] + is_one(3), self.sevens[2] + is_one(6)];
@@ -183,12 +173,11 @@ impl Obj {
     ///
     /// # Errors
     /// [`Error::OutOfMemory`](softras::Error::OutOfMemory).
-    fn sized(path: &Path, totals: &Totals, srgb: bool) -> Result<Self> {
+    fn sized(path: &Path, totals: &Totals) -> Result<Self> {
         let (normals, uvs) = (totals.normals > 0, totals.uvs > 0);
         Ok(Self {
             positions: input::vector(path, totals.vertices)?,
             colors: input::vector(path, if totals.colored > 0 { totals.vertices } else { 0 })?,
-            srgb,
             uvs: input::vector(path, totals.uvs)?,
             faces: input::vector(path, totals.faces)?,
             corners: input::vector(path, totals.corners)?,
@@ -249,49 +238,33 @@ impl Parser<'_> {
         };
         self.position([x, y, z], w, statement.line)?;
         match color {
-            Some(color) => self.color(color, statement.line)?,
+            Some(color) => {
+                let color = numbers::<f32, 3>("vertex colour", &color)?;
+                if !color::is_color(&color) {
+                    self.notes.count(statement.line, color::BAD);
+                }
+                self.obj.colors.push(color);
+            }
             None if self.totals.colored > 0 => {
                 self.notes.count(statement.line, "vertex without a colour among others that have one: white");
-                self.obj.colors.push([1.0; 3]);
+                self.obj.colors.push([f32::NAN; 3]);
             }
             None => {}
         }
         Ok(())
     }
 
+    /// A point, which may be infinite or none: then its faces are left out.
     fn position(&mut self, xyz: [&str; 3], w: Option<&str>, line: usize) -> Checked {
         let mut position = numbers::<f64, 3>("vertex coordinate", &xyz)?;
         if let Some(w) = w {
             let [w] = numbers::<f64, 1>("vertex coordinate", &[w])?;
-            if w == 0.0 {
-                return Err(("the fourth coordinate w is zero".into(), "give a finite point"));
-            }
-            if w != 1.0 {
+            if w != 1.0 && w != 0.0 {
                 self.notes.count(line, "the fourth coordinate w divides x, y and z");
             }
             position = position.map(|x| x / w);
         }
-        if !position.iter().all(|x| x.abs() <= f64::from(Mesh::FARTHEST)) {
-            let bound = format!("within ±{:e}", Mesh::FARTHEST);
-            let due = if position.iter().any(|x| x.is_nan()) { "a point" } else { &bound };
-            return Err((format!("vertex {position:?} is not {due}"), "remove or repair it"));
-        }
         self.obj.positions.push(position);
-        Ok(())
-    }
-
-    /// A vertex colour, decoded from sRGB like the numbers of a picture.
-    fn color(&mut self, rgb: [&str; 3], line: usize) -> Checked {
-        let mut color = numbers::<f32, 3>("vertex colour", &rgb)?;
-        if let Some(i) = color.iter().position(|x| x.is_nan() || x.abs() > Mesh::BRIGHTEST) {
-            let what = format!("vertex colour \"{}\" is not within ±{:e}", name(rgb[i]), Mesh::BRIGHTEST);
-            return Err((what, "give r, g and b from 0 to 1"));
-        }
-        if self.totals.bright * 2 > self.totals.colored {
-            self.notes.count(line, "vertex colours up to 255 are divided by 255");
-            color = color.map(|x| x / 255.0);
-        }
-        self.obj.colors.push(if self.obj.srgb { color.map(linear_from_srgb) } else { color });
         Ok(())
     }
 
@@ -386,7 +359,7 @@ impl Parser<'_> {
 
     fn use_material(&mut self, name: &str, line: usize) {
         if name.is_empty() {
-            self.notes.count(line, "`usemtl` without a name: white from here on");
+            self.notes.count(line, "`usemtl` without a name: no material from here on");
             self.material = None;
             return;
         }
@@ -400,12 +373,11 @@ impl Parser<'_> {
 }
 
 /// The words as numbers, which may still be infinite or NaN; there must be `N` words.
-fn numbers<T: Copy + Default + FromStr, const N: usize>(what: &str, words: &[&str]) -> Checked<[T; N]> {
+fn numbers<T: Copy + Default + FromStr + From<f32>, const N: usize>(what: &str, words: &[&str]) -> Checked<[T; N]> {
     let mut values = [T::default(); N];
     for (value, word) in values.iter_mut().zip(words) {
-        *value = word
-            .parse()
-            .map_err(|_| (format!("{what} \"{}\" is not a number", name(word)), "give plain decimal numbers"))?;
+        let wrong = || (format!("{what} \"{}\" is not a number", name(word)), "give plain decimal numbers");
+        *value = text::number(word).ok_or_else(wrong)?;
     }
     Ok(values)
 }

@@ -1,24 +1,6 @@
 //! Splits OBJ and MTL files into statements with line numbers.
 
-use crate::{fault, input};
-use softras::Result;
-use std::{borrow::Cow, path::Path};
-
-/// The text of a file; bytes that are not UTF-8 (names in an old code page) become replacement characters.
-pub(super) fn text(path: &Path, bytes: Vec<u8>) -> Result<String> {
-    if bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]) {
-        return Err(fault(path, "UTF-16 text", "save the file as UTF-8"));
-    }
-    let text = String::from_utf8(bytes).or_else(|error| {
-        // A replacement character takes three bytes.
-        input::room_for(&path.display().to_string(), 3 * error.as_bytes().len() as u64)?;
-        Ok(String::from_utf8_lossy(error.as_bytes()).into_owned())
-    })?;
-    Ok(match text.strip_prefix('\u{feff}') {
-        Some(rest) => rest.into(),
-        None => text,
-    })
-}
+use std::borrow::Cow;
 
 /// One statement: a line with its continuations, neither blank nor a comment.
 pub(super) struct Statement<'a> {

@@ -10,8 +10,11 @@ use crate::{
 use softras::scene::Texture;
 use std::path::{Path, PathBuf};
 
+/// What becomes of a face whose image is missing.
+pub(super) const IN_KD: &str = "drawn without it, in the material's Kd or the vertices' colours";
+
 /// The file of the image that a material names; `None`, with a note, where there is none in the mesh's folder.
-pub(super) fn locate(source: &mut Source, map: &Map) -> Option<PathBuf> {
+pub(super) fn locate(source: &mut Source, map: &Map, without: &str) -> Option<PathBuf> {
     let locate = |name: &str| find(source.path, &map.mtl, name, source.options.allow_outside);
     // What follows a `#` belongs to the name if there is such a file.
     let found = locate(&map.name).or_else(|what| match before_comment(&map.name) {
@@ -25,7 +28,7 @@ pub(super) fn locate(source: &mut Source, map: &Map) -> Option<PathBuf> {
             Some(path)
         }
         Err(what) => {
-            let note = format!("texture {what}: drawn in the material's Kd");
+            let note = format!("texture {what}: {without}");
             source.notes.add_in(&map.mtl, Some(map.line), note);
             None
         }
@@ -35,7 +38,7 @@ pub(super) fn locate(source: &mut Source, map: &Map) -> Option<PathBuf> {
 /// Decodes the image that a material names for its colour, of at most `room` texels; `None`, with a note, for what cannot be
 /// decoded.
 pub(super) fn read(source: &mut Source, map: &Map, path: &Path, room: Room) -> Option<Texture> {
-    let decoded = decoded(source, map, path, source.options.srgb, room, "drawn in the material's Kd")?;
+    let decoded = decoded(source, map, path, source.options.srgb, room, IN_KD)?;
     decoded.texture(map.wrap).ok()
 }
 
@@ -43,7 +46,7 @@ pub(super) fn read(source: &mut Source, map: &Map, path: &Path, room: Room) -> O
 /// red values. A texture of one texel takes the size of the image; an image of another size than the texture is noted and not
 /// used.
 pub(super) fn faded(source: &mut Source, texture: Texture, map: &Map, path: &Path, room: Room) -> Option<Texture> {
-    let Some(decoded) = decoded(source, map, path, false, room, "not used") else { return Some(texture) };
+    let Some(decoded) = decoded(source, map, path, false, room, "drawn opaque") else { return Some(texture) };
     let Decoded { width, height, texels, alpha } = decoded;
     let alpha = alpha.unwrap_or_else(|| texels.iter().map(|texel| texel[0].clamp(0.0, 1.0)).collect());
     let texture = match texture.texels() {

@@ -37,8 +37,7 @@ pub(super) fn triangulate(path: &Path, obj: &Obj, notes: &mut Notes) -> Result<T
         let normals = obj.normal_corners.get(start..start + face.arity);
         let normal = |corner: u32| obj.normals.get(corner as usize).copied().unwrap_or_default();
         start += face.arity;
-        let cut = polygon::of(corners, &obj.positions)
-            .map_err(|what| fault_at(path, face.line, what, "triangulate it in a modelling program"))?;
+        let cut = polygon::of(corners, &obj.positions).map_err(|what| fault_at(path, face.line, what, polygon::FIX))?;
         if !cut.is_simple {
             notes.count(face.line, polygon::NOT_SIMPLE);
         }

@@ -6,40 +6,51 @@ mod write;
 pub use write::files_of;
 
 use crate::{
+    Wrong, color,
     fate::{self, Drawn, Fates, NotDrawn, Silent},
     fault,
     find::find,
     notes::Notes,
     obj::{FAR_UVS, FARTHEST_UV},
+    paint::{self, Patch, Sheet},
     polygon,
     source::Source,
-    text,
-    texture::{self, linear_from_srgb},
+    text, texture,
     textures::Room,
+    within,
 };
-use rows::{Row, Table, VALUES, least_bytes};
-use serde_ply::{PlyReader, ScalarType};
+use rows::{Body, Kind, Row, Table, VALUES};
 use softras::{
     Result,
     scene::{Appearance, Mesh, Texture, Wrap},
 };
-use std::{io::Cursor, mem};
+use std::mem;
 
-/// What becomes of elements, and of their properties. Other elements are noted; other properties, which are data about the mesh, are not.
+/// What becomes of elements, and of their properties, whose names are in upper or lower case. Other elements are noted, and other
+/// properties whose names tell of colours or textures; the rest is data about the mesh.
 pub const PROPERTIES: &Fates = &[
     (
         "vertex.x vertex.y vertex.z vertex.nx vertex.ny vertex.nz vertex.red vertex.green vertex.blue vertex.diffuse_red \
          vertex.diffuse_green vertex.diffuse_blue vertex.r vertex.g vertex.b vertex.s vertex.t vertex.u vertex.v \
          vertex.texture_u vertex.texture_v face.vertex_indices face.vertex_index face.red face.green face.blue \
-         face.texcoord face.texnumber tristrips.vertex_indices tristrips.vertex_index comment.TextureFile",
+         face.diffuse_red face.diffuse_green face.diffuse_blue face.r face.g face.b face.texcoord face.texnumber tristrips.vertex_indices tristrips.vertex_index comment.TextureFile",
         Drawn,
     ),
-    ("vertex.alpha vertex.a face.alpha", NotDrawn(ALPHA)),
+    ("vertex.alpha vertex.a face.alpha face.a", NotDrawn(ALPHA)),
+    (
+        "vertex.ambient_red vertex.ambient_green vertex.ambient_blue face.ambient_red face.ambient_green face.ambient_blue",
+        NotDrawn("ambient colours are not drawn"),
+    ),
     ("edge", NotDrawn("lines are not drawn")),
+    ("range_grid", NotDrawn("range grids are not drawn")),
     ("material face.material_index", NotDrawn("colours of materials are not drawn")),
     ("multi_texture_vertex multi_texture_face", NotDrawn("textures of multi_texture_face are not drawn")),
     ("camera user face.quality face.flags", Silent),
-    ("vertex.quality vertex.confidence vertex.intensity vertex.radius vertex.flags", Silent),
+    (
+        "vertex.quality vertex.confidence vertex.intensity vertex.radius vertex.flags vertex.specular_red \
+         vertex.specular_green vertex.specular_blue",
+        Silent,
+    ),
 ];
 const ALPHA: &str = "the alpha of colours is not drawn";
 
@@ -58,8 +69,15 @@ const VERTEX: [&[&str]; VALUES] = [
     &["nz"],
     &["alpha", "a"],
 ];
-const FACE: [&[&str]; 7] =
-    [&["red"], &["green"], &["blue"], &["texnumber"], &["alpha"], &["vertex_indices", "vertex_index"], &["texcoord"]];
+const FACE: [&[&str]; 7] = [
+    &["red", "diffuse_red", "r"],
+    &["green", "diffuse_green", "g"],
+    &["blue", "diffuse_blue", "b"],
+    &["texnumber"],
+    &["alpha", "a"],
+    &["vertex_indices", "vertex_index"],
+    &["texcoord"],
+];
 /// The lists of faces among these.
 const LISTS: usize = 5;
 
@@ -81,8 +99,10 @@ struct Ply {
     images: Vec<String>,
     /// Faces before the vertices that they name, and strips.
     waiting: Vec<Waiting>,
-    /// Whether the colours of vertices, and of faces, are floats.
-    in_floats: [bool; 2],
+    /// The types of the colours of vertices, and of faces.
+    kinds: [Option<Kind>; 2],
+    /// The type of alpha, its least and its greatest value, of vertices and of faces.
+    alpha: [Option<(Kind, f64, f64)>; 2],
 }
 
 /// A face that is drawn when all vertices are read.
@@ -94,109 +114,79 @@ struct Waiting {
     image: Option<u32>,
 }
 
-pub(super) fn read(source: &mut Source, mut bytes: Vec<u8>) -> Result<Mesh> {
-    clean_header(&mut bytes);
-    let mut ply = parse(source, &bytes).map_err(|what| fault(source.path, what, "export the file again"))?;
-    drop(bytes);
-    ply.settle_colors(source);
+/// The number of the image of a face that has none.
+const NO_IMAGE: u32 = u32::MAX;
+
+pub(super) fn read(source: &mut Source, bytes: &[u8]) -> Result<Mesh> {
+    let mut ply = parse(source, bytes).map_err(|(what, fix)| fault(source.path, what, fix))?;
     let (positions, triangles) = (mem::take(&mut ply.positions), mem::take(&mut ply.triangles));
     source.keep_normals(&mem::take(&mut ply.normals), &triangles);
     let positions = source.placed(&positions, &triangles)?;
     let appearance = appearance(source, ply, &triangles);
-    Mesh::new(positions, triangles)?.with_appearance(appearance)
+    source.mesh(positions, triangles, appearance, |_| None)
 }
 
-/// Comments may be of any encoding, line ends those of old Macintoshes, and the last number may lack its line end, none of
-/// which the crate takes.
-fn clean_header(bytes: &mut Vec<u8>) {
-    let end = b"end_header";
-    let length = bytes.windows(end.len()).position(|window| window == end).map_or(bytes.len(), |at| at + end.len());
-    let mac = !bytes[..length].contains(&b'\n');
-    for byte in &mut bytes[..length] {
-        match *byte {
-            b'\r' if mac => *byte = b'\n',
-            byte_beyond if !byte_beyond.is_ascii() => *byte = b'?',
-            _ => {}
-        }
-    }
-    if mac && bytes.get(length) == Some(&b'\r') {
-        bytes[length] = b'\n';
-    }
-    bytes.push(b'\n');
-}
-
-fn parse(source: &mut Source, bytes: &[u8]) -> Result<Ply, String> {
-    let malformed = |error: serde_ply::DeserializeError| format!("malformed PLY: {error}");
-    let mut reader = PlyReader::from_reader(Cursor::new(bytes)).map_err(malformed)?;
-    let header = reader.header().clone();
-    let named = header.comments.iter().chain(&header.obj_info).filter_map(|text| text.strip_prefix("TextureFile "));
-    let mut ply = Ply { images: named.map(|name| name.trim().into()).collect(), ..Ply::default() };
-    for element in &header.elem_defs {
-        let least = least_bytes(element, header.format);
-        if least.saturating_mul(element.count as u64) > bytes.len() as u64 {
-            let (count, name) = (element.count, &element.name);
-            return Err(format!(
-                "cut off: it claims {count} rows of {:?} and holds {} bytes",
-                text::name(name),
-                bytes.len()
-            ));
-        }
-        let mut table = Table::new(element, least);
-        for property in element.properties.iter().filter(|_| element.count > 0) {
-            match fate::of(PROPERTIES, &format!("{}.{}", element.name, property.name)) {
-                // Alpha is noted when a row has one that is not opaque.
-                Some(NotDrawn(note)) if note != ALPHA => source.notes.count(None, note),
-                _ => {}
-            }
-        }
-        match element.name.as_str() {
-            "vertex" => {
-                table.choose(&VERTEX, VERTEX.len());
-                table.read(&mut reader, &mut ply.take_vertex(&table, source)?)?;
-            }
-            "face" => {
-                table.choose(&FACE, LISTS);
-                table.read(&mut reader, &mut ply.take_face(&table, source)?)?;
-            }
-            "tristrips" => {
-                table.choose(&FACE, LISTS);
-                table.read(&mut reader, &mut |row| ply.take_strips(row))?;
-            }
-            name => {
-                match fate::of(PROPERTIES, name).filter(|_| element.count > 0) {
+fn parse(source: &mut Source, bytes: &[u8]) -> Result<Ply, Wrong> {
+    let (header, rest) = rows::header(bytes)?;
+    let mut body = Body::new(&header, rest);
+    let mut ply = Ply { images: header.images, ..Ply::default() };
+    for element in header.elements.iter().filter(|element| element.rows > 0) {
+        let (names, lists): (&[&[&str]], _) = match element.name.as_str() {
+            "vertex" => (&VERTEX, VERTEX.len()),
+            "face" | "tristrips" => (&FACE, LISTS),
+            _ => (&[], 0),
+        };
+        let table = Table::new(element, names, lists);
+        match (element.name.as_str(), fate::of(PROPERTIES, &element.name)) {
+            ("vertex", _) => body.read(&table, &mut ply.take_vertex(&table, source)?)?,
+            ("face", _) => body.read(&table, &mut ply.take_face(&table, source)?)?,
+            ("tristrips", _) => body.read(&table, &mut |row| ply.take_strips(row))?,
+            (name, fate) => {
+                match fate {
                     Some(NotDrawn(note)) => source.notes.count(None, note),
-                    None if element.count > 0 => {
-                        source.notes.add(None, format!("element \"{}\" is not read", text::name(name)))
-                    }
-                    _ => {}
+                    Some(_) => {}
+                    None => source.notes.add(None, format!("element \"{}\" is not read", text::name(name))),
                 }
-                table.read(&mut reader, &mut |_| Ok(()))?;
+                body.read(&table, &mut |_| Ok(()))?;
             }
         }
+        note_unread(source, &element.name, &table);
+    }
+    if body.longer > 0 {
+        source
+            .notes
+            .add(None, format!("{} rows have more numbers than the header names: the rest is not read", body.longer));
+    }
+    if body.left() > 0 {
+        source.notes.add(None, format!("{} bytes after the last row are not read", body.left()));
     }
     for Waiting { number, corners, color, uvs, image } in mem::take(&mut ply.waiting) {
         ply.add_face(&mut source.notes, number, &corners, color, uvs.as_deref(), image)?;
     }
+    for (colors, kind) in [&mut ply.colors, &mut ply.face_colors].into_iter().zip(ply.kinds) {
+        color::settle(colors, kind.and_then(Kind::most), source.options.srgb, &mut source.notes);
+    }
+    for (kind, least, greatest) in ply.alpha.into_iter().flatten() {
+        let opaque =
+            kind.most().map_or(if greatest > 1.0 { 255.0 } else { 1.0 }, |most| color::top(most, greatest as f32));
+        if least < opaque.into() {
+            source.notes.count(None, ALPHA);
+        }
+    }
     Ok(ply)
 }
 
-/// The number for 1 of a colour's type, where that is whole.
-fn most(kind: Option<ScalarType>) -> Option<f32> {
-    match kind? {
-        ScalarType::U16 => Some(65535.0),
-        ScalarType::F32 | ScalarType::F64 => None,
-        // Bytes, also in a wider type.
-        _ => Some(255.0),
-    }
-}
-
-/// How a colour's numbers are read: bytes as those of pictures, others as they are.
-fn shade(kind: Option<ScalarType>, srgb: bool) -> impl Fn(f64) -> f32 {
-    let most = most(kind);
-    move |x| match most {
-        Some(most) if srgb => linear_from_srgb(x as f32 / most),
-        Some(most) => x as f32 / most,
-        None => x as f32,
+/// Notes the columns that change the picture and are not read.
+fn note_unread(source: &mut Source, element: &str, table: &Table) {
+    const LOOKS: [&str; 7] = ["red", "green", "blue", "color", "colour", "rgb", "tex"];
+    for name in table.unread() {
+        match fate::of(PROPERTIES, &format!("{element}.{name}")) {
+            Some(NotDrawn(note)) => source.notes.count(None, note),
+            None if LOOKS.iter().any(|part| name.contains(part)) => {
+                source.notes.add(None, format!("property \"{}\" is not read", text::name(name)));
+            }
+            _ => {}
+        }
     }
 }
 
@@ -206,19 +196,18 @@ impl Ply {
         &mut self,
         table: &Table,
         source: &mut Source,
-    ) -> Result<impl FnMut(&Row) -> Result<(), String>, String> {
+    ) -> Result<impl FnMut(&Row) -> Result<(), Wrong>, Wrong> {
         if !table.has(0..3) {
-            return Err("its vertices have no x, y and z".into());
+            return Err(("its vertices have no x, y and z".into(), "name three properties of vertices x, y and z"));
         }
         let (colored, mapped, curved) = (table.has(3..6), table.has(6..8), table.has(8..11));
-        let shade = shade(table.kind(3), source.options.srgb);
-        self.in_floats[0] = most(table.kind(3)).is_none();
-        let (has_alpha, opaque) = (table.has(11..12), most(table.kind(11)).unwrap_or(1.0).into());
+        self.kinds[0] = table.kind(3);
+        let alpha = table.kind(11);
         Ok(move |row: &Row| {
-            let [x, y, z, r, g, b, u, v, nx, ny, nz, alpha] = row.values;
+            let [x, y, z, r, g, b, u, v, nx, ny, nz, a] = row.values;
             self.positions.push([x, y, z]);
             if colored {
-                self.colors.push([r, g, b].map(&shade));
+                self.colors.push(raw(&mut source.notes, [r, g, b]));
             }
             if mapped {
                 self.uvs.push(checked(&mut source.notes, [u, v]));
@@ -226,9 +215,7 @@ impl Ply {
             if curved {
                 self.normals.push([nx, ny, nz].map(|x| x as f32));
             }
-            if has_alpha && alpha < opaque {
-                source.notes.count(None, ALPHA);
-            }
+            widen(&mut self.alpha[0], alpha, a);
             Ok(())
         })
     }
@@ -238,25 +225,25 @@ impl Ply {
         &mut self,
         table: &Table,
         source: &mut Source,
-    ) -> Result<impl FnMut(&Row) -> Result<(), String>, String> {
+    ) -> Result<impl FnMut(&Row) -> Result<(), Wrong>, Wrong> {
         if !table.has(LISTS..LISTS + 1) {
-            return Err("its faces have no list vertex_indices".into());
+            let fix = "name the list of each face's vertices vertex_indices";
+            return Err(("its faces have no list vertex_indices".into(), fix));
         }
         let (colored, numbered, mapped) = (table.has(0..3), table.has(3..4), table.has(LISTS + 1..LISTS + 2));
-        let shade = shade(table.kind(0), source.options.srgb);
-        self.in_floats[1] = most(table.kind(0)).is_none();
-        let (has_alpha, opaque) = (table.has(4..5), most(table.kind(4)).unwrap_or(1.0).into());
+        self.kinds[1] = table.kind(0);
+        let alpha = table.kind(4);
         let mut number = 0;
         // A row may come before the vertices that it names, and is drawn when all are read.
         Ok(move |row: &Row| {
             number += 1;
-            if has_alpha && row.values[4] < opaque {
-                source.notes.count(None, ALPHA);
-            }
-            let color = colored.then(|| [row.values[0], row.values[1], row.values[2]].map(&shade));
+            widen(&mut self.alpha[1], alpha, row.values[4]);
+            let [r, g, b, ..] = row.values;
+            let color = colored.then(|| raw(&mut source.notes, [r, g, b]));
             let corners = &row.lists[LISTS];
             let uvs = mapped.then(|| &row.lists[LISTS + 1][..]);
-            let image = numbered.then_some(row.values[3] as u32);
+            // Programs write -1 for a face without an image.
+            let image = numbered.then(|| if row.values[3] >= 0.0 { row.values[3] as u32 } else { NO_IMAGE });
             if self.positions.is_empty() {
                 let (corners, uvs) = (corners.clone(), uvs.map(<[f64]>::to_vec));
                 self.waiting.push(Waiting { number, corners, color, uvs, image });
@@ -274,18 +261,21 @@ impl Ply {
         color: Option<[f32; 3]>,
         uvs: Option<&[f64]>,
         image: Option<u32>,
-    ) -> Result<(), String> {
+    ) -> Result<(), Wrong> {
         let count = self.positions.len();
         let corner = |&x: &f64| {
             let fits = x >= 0.0 && x.fract() == 0.0 && x < count as f64;
-            fits.then_some(x as u32).ok_or(format!("face {number} names vertex {x}, there are {count}"))
+            let wrong =
+                || (format!("face {number} names vertex {x}, there are {count}"), "name vertices from 0 to the last");
+            fits.then_some(x as u32).ok_or_else(wrong)
         };
-        let corners = corners.iter().map(corner).collect::<Result<Vec<u32>, String>>()?;
+        let corners = corners.iter().map(corner).collect::<Result<Vec<u32>, Wrong>>()?;
         if corners.len() < 3 {
             notes.count(None, "faces of fewer than three corners are not drawn");
             return Ok(());
         }
-        let cut = polygon::of(&corners, &self.positions).map_err(|what| format!("face {number}: {what}"))?;
+        let cut = polygon::of(&corners, &self.positions).map_err(|what| (what, polygon::FIX));
+        let cut = cut.map_err(within(format!("face {number}")))?;
         if !cut.is_simple {
             notes.count(None, polygon::NOT_SIMPLE);
         }
@@ -303,7 +293,7 @@ impl Ply {
     }
 
     /// A list of strips of triangles, each ended by -1.
-    fn take_strips(&mut self, row: &Row) -> Result<(), String> {
+    fn take_strips(&mut self, row: &Row) -> Result<(), Wrong> {
         for strip in row.lists[LISTS].split(|&x| x < 0.0) {
             for (i, corners) in strip.windows(3).enumerate() {
                 let [a, b, c] = if i % 2 == 0 { [0, 1, 2] } else { [1, 0, 2] }.map(|k| corners[k]);
@@ -316,21 +306,22 @@ impl Ply {
         }
         Ok(())
     }
+}
 
-    /// Floats are as bright as the same shares in a picture; up to 255 they are bytes.
-    fn settle_colors(&mut self, source: &mut Source) {
-        for (colors, _) in
-            [&mut self.colors, &mut self.face_colors].into_iter().zip(self.in_floats).filter(|(_, is)| *is)
-        {
-            let bright = colors.iter().filter(|color| color.iter().any(|x| *x > 1.0)).count();
-            let is_bytes = bright * 2 > colors.len() && colors.as_flattened().iter().all(|x| (0.0..=255.0).contains(x));
-            if is_bytes {
-                source.notes.add(None, "colours up to 255 are divided by 255");
-            }
-            let share = |x: f32| if is_bytes { x / 255.0 } else { x };
-            let one = |x: f32| if source.options.srgb { linear_from_srgb(share(x)) } else { share(x) };
-            colors.iter_mut().for_each(|color| *color = color.map(one));
-        }
+/// A colour as it is in the file.
+fn raw(notes: &mut Notes, color: [f64; 3]) -> [f32; 3] {
+    let color = color.map(|x| x as f32);
+    if !color::is_color(&color) {
+        notes.count(None, color::BAD);
+    }
+    color
+}
+
+/// Takes a value of alpha, of such a type, into the range of all.
+fn widen(range: &mut Option<(Kind, f64, f64)>, kind: Option<Kind>, x: f64) {
+    if let Some(kind) = kind {
+        let (_, least, greatest) = range.unwrap_or((kind, x, x));
+        *range = Some((kind, least.min(x), greatest.max(x)));
     }
 }
 
@@ -354,29 +345,7 @@ fn appearance(source: &mut Source, ply: Ply, triangles: &[[u32; 3]]) -> Appearan
         images.push(image);
     }
     if images.iter().any(Option::is_some) {
-        if !(ply.colors.is_empty() && ply.face_colors.is_empty()) {
-            source.notes.add(None, "colours are not used: there is a texture");
-        }
-        let (uvs, uv_triangles) = if ply.corner_uvs.is_empty() {
-            (ply.uvs, triangles.to_vec())
-        } else {
-            let corners = 0..triangles.len() as u32;
-            (ply.corner_uvs.as_flattened().to_vec(), corners.map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect())
-        };
-        // An image that is missing or cannot be read is white.
-        let white = Texture::new(1, 1, vec![[1.0; 3]], Wrap::Repeat).ok();
-        let mut textures: Vec<Texture> =
-            images.into_iter().filter_map(|image| image.or_else(|| white.clone())).collect();
-        let mut texture_of_triangle = Vec::new();
-        if ply.image_of_triangle.iter().any(|&image| image > 0) && textures.len() > 1 {
-            let last = textures.len() as u32;
-            textures.extend(white);
-            texture_of_triangle = ply.image_of_triangle.iter().map(|&image| image.min(last)).collect();
-        } else if textures.len() > 1 {
-            source.notes.add(None, "only the first texture is drawn: faces have no texnumber");
-            textures.truncate(1);
-        }
-        return Appearance::Textured { uvs, uv_triangles, textures, texture_of_triangle };
+        return textured(source, ply, triangles, images);
     }
     if !ply.colors.is_empty() {
         if !ply.face_colors.is_empty() {
@@ -388,6 +357,48 @@ fn appearance(source: &mut Source, ply: Ply, triangles: &[[u32; 3]]) -> Appearan
         return Appearance::Surface { resolution: 1, texels: ply.face_colors };
     }
     Appearance::Uniform([1.0; 3])
+}
+
+/// The appearance of a mesh with images, of which one that cannot be read is white. Faces without an image have their colours.
+fn textured(source: &mut Source, ply: Ply, triangles: &[[u32; 3]], images: Vec<Option<Texture>>) -> Appearance {
+    let (uvs, uv_triangles) = if ply.corner_uvs.is_empty() {
+        (ply.uvs, triangles.to_vec())
+    } else {
+        let corners = 0..triangles.len() as u32;
+        (ply.corner_uvs.as_flattened().to_vec(), corners.map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect())
+    };
+    let white = Texture::new(1, 1, vec![[1.0; 3]], Wrap::Repeat).ok();
+    let mut textures: Vec<Texture> = images.into_iter().filter_map(|image| image.or_else(|| white.clone())).collect();
+    let mut texture_of_triangle = ply.image_of_triangle;
+    if texture_of_triangle.is_empty() {
+        if textures.len() > 1 {
+            source.notes.add(None, "only the first texture is drawn: faces have no texnumber");
+            textures.truncate(1);
+        }
+        texture_of_triangle = vec![0; triangles.len()];
+    }
+    let count = textures.len() as u32;
+    texture_of_triangle.iter_mut().for_each(|image| *image = count.min(*image));
+    let bare: Vec<usize> = (0..triangles.len()).filter(|&t| texture_of_triangle[t] == count).collect();
+    let colored = !(ply.colors.is_empty() && ply.face_colors.is_empty());
+    if colored && bare.len() < triangles.len() {
+        source.notes.add(None, "colours are not used where there is a texture");
+    }
+    let mut sheet = Sheet { uvs, uv_triangles, textures, texture_of_triangle };
+    let of_corner = |v: u32| ply.colors.get(v as usize).copied();
+    let patch = |&t: &usize| {
+        let own = ply.face_colors.get(t).copied().unwrap_or([1.0; 3]);
+        Patch { colors: triangles[t].map(|v| of_corner(v).unwrap_or(own)), image: None }
+    };
+    let patches: Vec<Patch> = if colored { bare.iter().map(patch).collect() } else { Vec::new() };
+    if !patches.is_empty()
+        && let Ok(made) = paint::patches(&patches, u64::MAX)
+    {
+        sheet.add(bare, made);
+    } else if !bare.is_empty() {
+        sheet.textures.extend(white);
+    }
+    sheet.appearance()
 }
 
 /// The image of that name in the mesh's folder.

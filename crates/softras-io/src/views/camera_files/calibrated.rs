@@ -3,7 +3,7 @@
 //! Camera axes are OpenCV's: x right, y down, z forward.
 
 use super::{Entry, Lens, MAX_JSON, matrix, posed};
-use crate::{Budget, input, npz::Archive, refuse};
+use crate::{Budget, input, npz::Archive, refuse, text};
 use glam::{DMat3, DVec3};
 use softras::Result;
 use std::path::{Path, PathBuf};
@@ -17,8 +17,7 @@ pub(super) fn lens([[fx, skew, cx], [zero, fy, cy], last]: [[f64; 3]; 3]) -> Opt
 
 /// The pictures of a `_par.txt`: their count, then for each a line of its name, K, R and t, row by row.
 pub(super) fn middlebury(path: &Path) -> Result<Vec<Entry>> {
-    let bytes = input::read(path, MAX_JSON)?;
-    let text = String::from_utf8_lossy(&bytes);
+    let text = text::whole(path, input::read(path, MAX_JSON)?)?;
     let mut views = Vec::new();
     let mut lines = text.lines().filter(|line| !line.trim().is_empty());
     let count = lines.next().and_then(|line| line.trim().parse().ok());

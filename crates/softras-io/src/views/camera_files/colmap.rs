@@ -76,7 +76,8 @@ impl<'a> Lines<'a> {
             let Ok(text) = String::from_utf8(bytes) else {
                 return self.refuse("not UTF-8", "write the model as text");
             };
-            let text = text.trim();
+            // A mark may stand before a text, and padding behind it.
+            let text = text.trim_matches(|c: char| c.is_whitespace() || matches!(c, '\u{feff}' | '\0'));
             if !text.is_empty() && !text.starts_with('#') {
                 return Ok(Some(text.to_string()));
             }

@@ -12,7 +12,7 @@ mod write;
 
 pub use write::{cameras, files, names};
 
-use crate::{input, refuse};
+use crate::{input, refuse, text};
 use glam::{DMat4, DVec3, DVec4};
 use softras::{Camera, Error, Projection, Result};
 use std::path::{Path, PathBuf};
@@ -76,8 +76,13 @@ pub fn read(folder: &Path, given: Option<&Path>, fov: f64) -> Result<(PathBuf, V
     } else {
         let bytes = input::read(&path, MAX_JSON)?;
         input::refuse_empty(&path, bytes.len() as u64)?;
-        let is_object = bytes.iter().find(|byte| !byte.is_ascii_whitespace()) == Some(&b'{');
-        if is_object { transforms::read(&path, &bytes, fov)? } else { list::read(&path, &bytes, fov)? }
+        let text = text::whole(&path, bytes)?;
+        let is_object = text.trim_start().starts_with('{');
+        if is_object {
+            transforms::read(&path, text.as_bytes(), fov)?
+        } else {
+            list::read(&path, text.as_bytes(), fov)?
+        }
     };
     match views.len() {
         0 => refuse(&path, "is a list without cameras", "give at least one picture with its camera"),

@@ -682,3 +682,289 @@ fn meshopt_views_are_unpacked_and_broken_ones_refused() {
         assert_refused(read(&folder, "a.glb", &glb(&root, &from_hex(MESHOPT))), &["meshopt"]);
     }
 }
+
+const XYZ: &str = "element vertex 3\nproperty float x\nproperty float y\nproperty float z\n";
+const FACE: &str = "element face 1\nproperty list uchar int vertex_indices\n";
+
+/// A PLY file of one triangle whose vertices have three more numbers each.
+fn ply_with(kind: &str, names: [&str; 3], values: [&str; 3]) -> Loaded {
+    let rgb = names.map(|name| format!("property {kind} {name}\n")).concat();
+    let rows = ["0 0 0", "1 0 0", "0 1 0"].iter().zip(values).map(|(place, color)| format!("{place} {color}\n"));
+    ply_text(&format!("{XYZ}{rgb}{FACE}"), &format!("{}3 0 1 2\n", rows.collect::<String>())).unwrap()
+}
+
+/// Rounding and bright light are no bytes.
+#[test]
+fn colours_are_divided_where_they_are_bytes() {
+    let rgb = ["red", "green", "blue"];
+    for (kind, values, expected, note) in [
+        ("float", ["1.0000002 1 1", "1.0000002 1.0000002 1", "1 1 1.0000002"], [1.000_000_2, 1.0, 1.0], ""),
+        ("float", ["4 2 1", "8 8 8", "2 2 2"], [4.0, 2.0, 1.0], ""),
+        ("double", ["1.5 3.25 40.5", "200 9 9", "9 9 9"], [1.5, 3.25, 40.5], "brighter than white"),
+        ("float", ["51 255 0", "0 0 0", "7 7 7"], [0.2, 1.0, 0.0], "divided by 255"),
+        ("float", ["nan 0 0", "0 0 0", "1 0 0"], [1.0; 3], "white"),
+        ("uchar", ["51 255 0", "0 0 0", "0 0 0"], [0.2, 1.0, 0.0], ""),
+        ("char", ["51 -1 -128", "0 0 0", "0 0 0"], [0.2, 1.0, 128.0 / 255.0], ""),
+        ("ushort", ["51 255 0", "0 0 0", "0 0 0"], [0.2, 1.0, 0.0], "divided by 255"),
+        ("ushort", ["13107 65535 0", "0 0 0", "0 0 0"], [0.2, 1.0, 0.0], ""),
+        ("uint", ["13107 65535 0", "0 0 0", "0 0 0"], [0.2, 1.0, 0.0], ""),
+        ("short", ["51 255 0", "0 0 0", "0 0 0"], [0.2, 1.0, 0.0], ""),
+    ] {
+        let mut all = vec![ply_with(kind, rgb, values)];
+        if matches!(kind, "float" | "double") {
+            let [a, b, c] = values;
+            all.push(obj(&format!("v 0 0 0 {a}\nv 1 0 0 {b}\nv 0 1 0 {c}\nf 1 2 3\n"), "").unwrap());
+        }
+        for loaded in all {
+            assert_eq!(colors(&loaded)[0], expected, "{kind} {values:?}");
+            let notes = loaded.notes.join("; ");
+            assert!(notes.contains(note) && notes.is_empty() == note.is_empty(), "{kind} {values:?}: {notes:?}");
+        }
+    }
+    let kd = |kd: &str| obj(&format!("mtllib m.mtl\n{V}usemtl a\nf 1 2 3\n"), &format!("newmtl a\nKd {kd}\n")).unwrap();
+    assert_eq!(colors(&kd("51 102 255")), [[0.2, 0.4, 1.0]]);
+    assert_note(&kd("51 102 255"), "m.mtl:2: Kd up to 255");
+    assert_note(&kd("20.5 0 0"), "brighter than white");
+    assert_eq!((colors(&kd("1.0000002 2 2")), kd("1 2 2").notes.len()), (vec![[1.000_000_2, 2.0, 2.0]], 0));
+    // In glTF, whole numbers are shares also where the file forgets to say so.
+    for (kind, one) in [(5121, vec![51u8, 255, 0, 0]), (5123, vec![0x33, 0x33, 0xff, 0xff, 0, 0])] {
+        let bytes = one.repeat(3);
+        let text = base64::Engine::encode(&base64::engine::general_purpose::STANDARD_NO_PAD, &bytes);
+        let whole = changed(|root| {
+            root["buffers"]
+                .as_array_mut()
+                .unwrap()
+                .push(json!({ "uri": format!("data:;base64,{text}"), "byteLength": bytes.len() }));
+            let view = json!({ "buffer": 1, "byteLength": bytes.len(), "byteStride": one.len() });
+            root["bufferViews"].as_array_mut().unwrap().push(view);
+            let accessor = json!({ "bufferView": 5, "componentType": kind, "type": "VEC3", "count": 3 });
+            root["accessors"].as_array_mut().unwrap().push(accessor);
+            primitive(root)["attributes"]["COLOR_0"] = json!(4);
+        });
+        assert_eq!(colors(&whole.unwrap())[0], [0.2, 1.0, 0.0]);
+    }
+    let base = json!({ "pbrMetallicRoughness": { "baseColorFactor": [51, 102, 255, 255] } });
+    let bytes = changed(|root| root["materials"][0] = base).unwrap();
+    assert_eq!((colors(&bytes), bytes.opacity.len()), (vec![[0.2, 0.4, 1.0]], 0));
+    assert_note(&bytes, "divided by 255");
+}
+
+#[test]
+fn names_and_rows_of_ply_are_read_as_programs_write_them() {
+    let green = ["0 255 0", "0 255 0", "0 255 0"];
+    for names in [["Red", "Green", "Blue"], ["diffuse_red", "diffuse_green", "diffuse_blue"]] {
+        let loaded = ply_with("uchar", names, green);
+        assert_eq!((colors(&loaded)[0], loaded.notes.len()), (RGB[1], 0), "{names:?}");
+    }
+    assert_note(&ply_with("uchar", ["ambient_red", "ambient_green", "ambient_blue"], green), "ambient colours");
+    assert_note(&ply_with("uchar", ["rgb_0", "rgb_1", "rgb_2"], green), "property \"rgb_0\" is not read");
+    let body = "0 0 0 9\n1 0 0 9\n0 1 0 9 9\n\n3 0 1 2 7\n";
+    let longer = ply_text(&format!("{XYZ}{FACE}"), body).unwrap();
+    assert_eq!(longer.mesh.positions()[1..], [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
+    assert_note(&longer, "4 rows have more numbers");
+    assert_refused(ply_text(&format!("{XYZ}{FACE}"), "0 0 0\n1 0\n0 1 0\n3 0 1 2\n"), &["row 2", "fewer numbers"]);
+    assert_eq!(ply_text(&format!("{XYZ}{FACE}"), "0 0\n0\n1 0 0\n0 1 0\n3 0 1\n2\0\0\x1a").unwrap().notes, [""; 0]);
+    assert_note(&ply_text(&format!("{XYZ}{FACE}"), "0 0 0\n1 0 0\n0 1 0\n3 0 1 2\nmore\n").unwrap(), "4 bytes after");
+    let grid = "element range_grid 1\nproperty list uchar int vertex_indices\n";
+    assert_refused(ply_text(&format!("{XYZ}{grid}"), "0 0 0\n1 0 0\n0 1 0\n1 0\n"), &["range grids are not drawn"]);
+    // A number below 0 is no image: the face has its colour, or is white.
+    let faces = "element face 2\nproperty list uchar int vertex_indices\nproperty list uchar float texcoord\nproperty int texnumber\n";
+    let rows = "3 0 1 2 6 0 0 0 0 0 0 -1\n3 0 1 2 6 0 0 0 0 0 0 0\n";
+    let bare =
+        ply_text(&format!("comment TextureFile a.png\n{XYZ}{faces}"), &format!("0 0 0\n1 0 0\n0 1 0\n{rows}")).unwrap();
+    assert_eq!((at_corners(&bare, 0), at_corners(&bare, 1)), ([[1.0; 3]; 3], [RGB[0]; 3]));
+    let colored = XYZ.to_string() + "property uchar red\nproperty uchar green\nproperty uchar blue\n";
+    let points = "0 0 0 0 255 0\n1 0 0 0 255 0\n0 1 0 0 255 0\n";
+    let bare = ply_text(&format!("comment TextureFile a.png\n{colored}{faces}"), &format!("{points}{rows}")).unwrap();
+    assert_eq!((at_corners(&bare, 0), at_corners(&bare, 1)), ([RGB[1]; 3], [RGB[0]; 3]));
+}
+
+/// Names in Latin-1, composed otherwise, or of any other encoding.
+#[test]
+fn names_beyond_ascii_are_found() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("café.mtl"), "newmtl m\nmap_Kd ünd.png\n").unwrap();
+    fs::write(folder.path().join("u\u{308}nd.png"), pixel(PNG[0])).unwrap();
+    let text = format!("mtllib caf\u{e9}.mtl\n{V}vt 0 0\nusemtl m\nf 1/1 2/1 3/1\n");
+    let latin = read(&folder, "a.obj", &text.chars().map(|c| c as u8).collect::<Vec<_>>()).unwrap();
+    assert_eq!((colors(&latin), latin.notes.len()), (vec![RGB[0]], 1));
+    assert_note(&latin, "is taken in its place");
+    let head = "ply\nformat ascii 1.0\ncomment TextureFile u\u{308}nd.png\n".to_string();
+    let uvs = "property float s\nproperty float t\n";
+    let ply = read(
+        &folder,
+        "a.ply",
+        format!("{head}{XYZ}{uvs}{FACE}end_header\n0 0 0 0 0\n1 0 0 0 0\n0 1 0 0 0\n3 0 1 2\n").as_bytes(),
+    );
+    assert_eq!(colors(&ply.unwrap()), [RGB[0]]);
+}
+
+#[test]
+fn stl_files_without_colours_are_not_black() {
+    let folder = tempfile::tempdir().unwrap();
+    let with = |color: &[u8], words: [u16; 2]| {
+        let mut binary = stl(&torus(3, 3));
+        binary[..color.len()].copy_from_slice(color);
+        let count = torus(3, 3).triangles().len();
+        (0..count)
+            .for_each(|t| binary[84 + 50 * t + 48..][..2].copy_from_slice(&words[usize::from(t == 0)].to_le_bytes()));
+        colors(&read(&folder, "a.stl", &binary).unwrap())
+    };
+    let grey = [127.0 / 255.0; 3];
+    assert_eq!(with(b"COLOR=\x7f\x7f\x7f\xff MATERIAL=", [0, 0]), [grey]);
+    assert_eq!(with(b"COLOR=\x7f\x7f\x7f\xff MATERIAL=", [0x8000, 0x8000]), [grey]);
+    assert_eq!(with(b"COLOR=\0\0\0\0", [0, 0]), [[1.0; 3]]);
+    assert_eq!(with(b"", [0x8000, 0x8000]), [[1.0; 3]]);
+    assert_eq!(with(b"COLOR=\x7f\x7f\x7f\xff", [0, 0x1f])[..2], [RGB[0], [0.0; 3]]);
+}
+
+#[test]
+fn stl_text_flows_and_may_have_padding_and_bad_numbers() {
+    let folder = tempfile::tempdir().unwrap();
+    let facet = "facet normal 0 0 1 outer loop vertex 0 0 0 vertex 1 0 0 vertex 0 1 0 endloop endfacet";
+    let count = |text: &str| {
+        let loaded = read(&folder, "a.stl", text.as_bytes()).unwrap();
+        (loaded.mesh.triangles().len(), loaded.notes.join("; "))
+    };
+    assert_eq!(
+        count(&format!("solid my facet {facet} endsolid my facet solid b {facet} endsolid b")),
+        (2, String::new())
+    );
+    assert_eq!(
+        count(&format!("solid a\n{}\nendsolid a\n\0\0", facet.replace(" vertex", "\nvertex"))),
+        (1, String::new())
+    );
+    assert!(count(&format!("solid a\n{facet}\nendsolid a\n\0junk")).1.contains("4 bytes after the end"));
+    let (left, notes) = count(&format!("solid a\n{facet}\n{}\nendsolid a\n", facet.replace("1 0 0", "1 -nan(ind) 0")));
+    assert!(left == 1 && notes.contains("1 triangles have a corner that is no finite point"), "{notes}");
+    let mut binary = stl(&torus(3, 3));
+    binary[84 + 12..][..4].copy_from_slice(&f32::NAN.to_le_bytes());
+    let loaded = read(&folder, "b.stl", &binary).unwrap();
+    assert_eq!(loaded.mesh.triangles().len(), torus(3, 3).triangles().len() - 1);
+    assert_note(&loaded, "no finite point");
+}
+
+/// Whatever a download leaves in the place of a file, mesh or picture, says so.
+#[test]
+fn what_stands_in_for_a_file_says_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let pointer = "version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 84\n";
+    let page = "\u{feff}\n<!DOCTYPE html>\n<html><head></head></html>\n";
+    for (text, words) in [(pointer, ["Git LFS pointer", "git lfs pull"]), (page, ["a web page", "download"])] {
+        for ending in ["obj", "ply", "stl", "gltf", "glb", "txt"] {
+            assert_refused(read(&folder, &format!("a.{ending}"), text.as_bytes()), &words);
+        }
+        let at = |name: &str| folder.path().join(name);
+        let budget = softras_io::Budget::new(None);
+        for name in ["t.png", "transforms.json", "m.mtl", "b.bin", "images.txt", "cameras.txt"] {
+            fs::write(at(name), text).unwrap();
+        }
+        let said =
+            |error: softras::Error| assert!(words.iter().all(|word| error.to_string().contains(word)), "{error}");
+        said(softras_io::read_picture(&at("t.png"), &budget, 64).unwrap_err());
+        for cameras in ["transforms.json", "images.txt"] {
+            let options = softras_io::ViewsOptions { cameras: Some(at(cameras)), ..Default::default() };
+            said(softras_io::Views::open_with(folder.path(), &options, &budget).map(drop).unwrap_err());
+        }
+        let text = format!("mtllib m.mtl\nmtllib n.mtl\n{V}vt 0 0\nusemtl a\nf 1/1 2/1 3/1\n");
+        fs::write(at("n.mtl"), "newmtl a\nmap_Kd t.png\n").unwrap();
+        let loaded = read(&folder, "a.obj", text.as_bytes()).unwrap();
+        assert_note(&loaded, words[0]);
+        assert!(loaded.notes.iter().filter(|note| note.contains(words[0])).count() == 2, "{:?}", loaded.notes);
+        let (mut root, _) = gltf(&torus(3, 3));
+        root["buffers"][0]["uri"] = json!("b.bin");
+        assert_refused(read(&folder, "a.gltf", root.to_string().as_bytes()), &words);
+    }
+    assert_refused(read(&folder, "a.obj", b"PK\x03\x04rest"), &["ZIP", "unpack"]);
+}
+
+/// An error says what to do about itself.
+#[test]
+fn remedies_of_gltf_are_those_of_the_error() {
+    let remedy = |change: &dyn Fn(&mut Value)| changed(change).map(|_| ()).unwrap_err().to_string();
+    let cases: [(&dyn Fn(&mut Value), [&str; 2]); 7] = [
+        (&|root| root["buffers"][0]["uri"] = json!("gone.bin"), ["gone.bin not found", "copy it beside"]),
+        (&|root| primitive(root)["material"] = json!(9), ["material 9 but there are 1", "glTF-Validator"]),
+        (&|root| root["accessors"][0]["type"] = json!("VEC2"), ["2 components", "VEC3 for positions"]),
+        (&|root| root["accessors"][0]["componentType"] = json!(5130), ["componentType 5130", "5126"]),
+        (&|root| root["asset"]["version"] = json!("1.0"), ["version 1.0", "gltf-pipeline"]),
+        (&|root| root["extensionsRequired"] = json!(["X_new"]), ["X_new", "without it"]),
+        (&|root| root["meshes"] = json!(3), ["malformed", "type"]),
+    ];
+    for (change, words) in cases {
+        let text = remedy(change);
+        assert!(words.iter().all(|word| text.contains(word)) && !text.contains("without compression"), "{text}");
+    }
+    let points = changed(|root| primitive(root)["mode"] = json!(0));
+    assert_refused(points, &["no faces", "points are not drawn"]);
+}
+
+/// Padding, chunks and numbers that programs write beside the letter of the specification.
+#[test]
+fn gltf_files_may_be_padded_and_hold_nan() {
+    let folder = tempfile::tempdir().unwrap();
+    let (root, binary) = gltf(&torus(3, 3));
+    let triangles = |name: &str, bytes: &[u8]| read(&folder, name, bytes).unwrap().mesh.triangles().len();
+    let plain = glb(&root, &binary);
+    let length = u32::from_le_bytes(plain[12..16].try_into().unwrap()) as usize;
+    let mut json_chunk = plain[20..20 + length].to_vec();
+    json_chunk.truncate(json_chunk.trim_ascii_end().len());
+    json_chunk.resize(length + 8, 0);
+    let mut padded =
+        [&plain[..12], &(length as u32 + 8).to_le_bytes(), b"JSON", &json_chunk, b"\x04\0\0\0XTRA1234"].concat();
+    padded.extend(&plain[20 + length..]);
+    assert_eq!(triangles("a.glb", &[padded, b"behind".to_vec()].concat()), 18);
+    assert_eq!(
+        triangles("b.gltf", &[&b"\xef\xbb\xbf"[..], &embedded(root.clone(), &binary), b"\r\n\0\0"].concat()),
+        18
+    );
+    let text = String::from_utf8(embedded(root.clone(), &binary)).unwrap();
+    let nan = text.replacen("\"min\":[", "\"extras\":\"a NaN \\\" NaN\",\"min\":[NaN,-Infinity,", 1);
+    assert_note(&read(&folder, "c.gltf", nan.as_bytes()).unwrap(), "not finite");
+    let place = |k: usize| 4 * k;
+    let mut bad = binary.clone();
+    bad[place(0)..place(1)].copy_from_slice(&f32::NAN.to_le_bytes());
+    let loaded = read(&folder, "d.glb", &glb(&root, &bad)).unwrap();
+    assert!(loaded.mesh.triangles().len() < 18 && loaded.notes.len() == 1, "{:?}", loaded.notes);
+    assert_note(&loaded, "no finite point");
+}
+
+/// A 4×4 image that is clamped along u and repeats along v, over five tiles and over a thousand.
+#[test]
+fn a_clamped_side_goes_on_for_several_tiles() {
+    let with = |reach: f64| {
+        changed(|root| {
+            textured_by(root);
+            root["samplers"] = json!([{ "wrapS": 33071, "wrapT": 10497 }]);
+            root["textures"] = json!([{ "source": 0, "sampler": 0 }]);
+            let transform = json!({ "KHR_texture_transform": { "scale": [reach, 1], "offset": [-2, 0] } });
+            root["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"]["extensions"] = transform;
+        })
+        .unwrap()
+    };
+    let five = with(5.0);
+    assert_eq!((at_corners(&five, 0), five.notes.len()), ([RGB[0]; 3], 0));
+    let far = with(9000.0);
+    assert_eq!(colors(&far), [RGB[0]]);
+    assert_note(&far, "clamped along one side");
+}
+
+#[test]
+fn notes_say_what_is_so() {
+    let blend = json!({ "alphaMode": "BLEND", "extensions": { "KHR_materials_transmission": {} } });
+    let glass = changed(|root| root["materials"][0] = blend).unwrap();
+    assert!(glass.notes.iter().any(|note| note.contains("glass") && !note.contains("BLEND")), "{:?}", glass.notes);
+    let colored = "mtllib m.mtl\nv 0 0 0 1 0 0\nv 1 0 0 1 0 0\nv 0 1 0 1 0 0\nvt 0 0\nusemtl a\nf 1/1 2/1 3/1\n";
+    let unknown = obj(colored, "newmtl b\n").unwrap();
+    assert_eq!(colors(&unknown)[0], RGB[0]);
+    assert_note(&unknown, "in the vertices' colours");
+    let alpha =
+        obj(&format!("mtllib m.mtl\n{V}vt 0 0\nusemtl a\nf 1/1 2/1 3/1\n"), "newmtl a\nmap_Kd t.png\nmap_d gone.png\n");
+    assert_note(&alpha.unwrap(), "gone.png not found: drawn opaque");
+    let even = changed(|root| {
+        root["accessors"][2] = json!({ "componentType": 5126, "type": "VEC4", "count": 3 });
+        root["materials"][0] = json!({ "alphaMode": "BLEND" });
+        primitive(root)["attributes"]["COLOR_0"] = json!(2);
+    });
+    assert!(even.unwrap().notes.iter().all(|note| !note.contains("averaged")));
+}

@@ -22,7 +22,11 @@ fn negative_indices_count_back_from_their_own_line_and_faces_may_come_first() {
 #[test]
 fn every_way_to_write_a_text_file_reads_the_same() {
     let expected = quiet(format!("{TRIANGLE}f 1 2 3\n"));
-    let spellings: [&[u8]; 9] = [
+    let wide: Vec<u8> =
+        "\u{feff}v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3".encode_utf16().flat_map(u16::to_le_bytes).collect();
+    let spellings: [&[u8]; 11] = [
+        &wide,
+        b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\x1a\0\0\0",
         b"v 0 0 0\r\nv 1 0 0\r\nv 0 1 0\r\nf 1 2 3\r\n",
         b"v 0 0 0\rv 1 0 0\rv 0 1 0\rf 1 2 3\r",
         b"\xef\xbb\xbfv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3",
