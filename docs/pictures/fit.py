@@ -13,14 +13,13 @@ from PIL import Image, ImageDraw, ImageFont
 
 HOME = pathlib.Path(__file__).resolve().parents[2]
 SOFTRAS = HOME / "target/release/softras"
-FIT = "fit --from fish.obj --template sphere --size 160 --texture --iterations 150 --remesh-at 50,100 --edge 3..1.5"
+FIT = "fit --from fish --template sphere --size 160 --texture --iterations 150 --remesh-at 50,100 --edge 3..1.5"
 #: Of 150 steps the film shows every fifth, the last one and the textured mesh.
 FRAMES = {"step 0": 0, "step 30": 6, "step 150": 30, "with its texture": 31}
 MARGIN, LABEL = 8, 26
 
 with tempfile.TemporaryDirectory() as folder:
-    for arguments in ("mesh fish -o fish.obj", FIT + " -o fitted.obj --gif fit.gif"):
-        subprocess.run([SOFTRAS, *arguments.split()], cwd=folder, check=True)
+    subprocess.run([SOFTRAS, *FIT.split(), "-o", "fitted.obj", "--gif", "fit.gif"], cwd=folder, check=True)
     film = Image.open(pathlib.Path(folder) / "fit.gif")
     half, top, bottom = film.width // 2, film.height // 6, film.height * 5 // 6
     pictures = []

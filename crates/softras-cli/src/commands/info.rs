@@ -20,7 +20,7 @@ Examples:
   softras info spot.obj
   softras info scene.glb --json")]
 pub struct InfoArgs {
-    /// The mesh: .obj, .ply, .stl, .gltf or .glb
+    /// The mesh: .obj, .ply, .stl, .gltf, .glb, or a built-in one: fish
     pub mesh: PathBuf,
     /// Print one JSON object with the same content, and the files and notes
     #[arg(long)]

@@ -18,10 +18,10 @@ The grid is a cube around both meshes, which are not moved. An open sheet has no
 inside: a note is printed for a mesh that is not closed.
 
 Examples:
-  softras iou fitted.obj truth.obj
+  softras iou fitted.obj fish
   softras iou fitted.obj truth.obj --resolution 128 --json")]
 pub struct IouArgs {
-    /// One mesh
+    /// One mesh: a file or a built-in mesh
     pub a: PathBuf,
     /// The other
     pub b: PathBuf,

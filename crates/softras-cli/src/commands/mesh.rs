@@ -8,9 +8,11 @@ use softras::scene::Appearance;
 use softras_io::SaveOptions;
 use std::path::PathBuf;
 
-/// Write a built-in mesh as a Wavefront OBJ file
+/// Write a built-in mesh as a file
 #[derive(Args, Debug)]
 #[command(after_help = "\
+Other commands take the name itself: softras render fish -o fish.png
+
 Examples:
   softras mesh torus -o torus.obj
   softras mesh fish --detail 4 -o fine.obj && softras render fine.obj -o fine.png")]

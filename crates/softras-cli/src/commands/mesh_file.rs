@@ -1,4 +1,4 @@
-//! Reads mesh files for all commands.
+//! Reads mesh files, and makes built-in meshes, for all commands.
 
 use super::outputs::Outputs;
 use super::{Failure, detail, note, parse};
@@ -47,7 +47,8 @@ impl ReadArgs {
         let loaded = loaded.relative_to(origin)?;
         for text in &loaded.notes[known..] {
             if self.strict {
-                let (path, fix) = (loaded.files[0].clone(), "move it nearer, or leave --strict out".into());
+                let path = loaded.files.first().cloned().unwrap_or_else(|| "the built-in mesh".into());
+                let fix = "move the meshes nearer to each other, or leave --strict out".into();
                 return Err(Error::File { path, line: None, what: text.clone(), fix }.into());
             }
             note(text);
@@ -59,7 +60,7 @@ impl ReadArgs {
     pub fn read_layers(self, path: &Path, srgb: bool, outputs: &Outputs, budget: &Budget) -> Result<Loaded, Failure> {
         let options =
             LoadOptions { srgb, allow_outside: self.allow_outside, strict: self.strict, memory: budget.left() };
-        let loaded = softras_io::load_with(path, &options)?;
+        let loaded = softras_io::load_named(path, &options)?;
         if options.memory.is_some() {
             budget.claim(path, "the mesh", held(&loaded.mesh))?;
         }
@@ -67,6 +68,9 @@ impl ReadArgs {
         loaded.notes.iter().for_each(|text| note(text));
         for file in &loaded.files {
             detail(&format!("read {}", file.display()));
+        }
+        if loaded.files.is_empty() {
+            detail(&format!("{} is a built-in mesh", path.display()));
         }
         let mesh = &loaded.mesh;
         detail(&format!("{} vertices, {} triangles", mesh.positions().len(), mesh.triangles().len()));

@@ -67,8 +67,7 @@ fn what_cannot_be_done_exits_with_1_and_names_the_file() {
     fails(folder.path(), &["render", "broken.obj", "-o", "no/a.png"], 1, &["no", "folder"]);
     fails(folder.path(), &["render", ".", "-o", "a.png"], 1, &["."]);
     fails(folder.path(), &["mesh", "cube", "-o", "no/a.obj"], 1, &["no", "folder"]);
-    succeeds(folder.path(), &["mesh", "cube", "-o", "cube.obj"]);
-    let device = ["render", "cube.obj", "-o", "a.png", "--device", "a device that nobody has"];
+    let device = ["render", "cube", "-o", "a.png", "--device", "a device that nobody has"];
     fails(folder.path(), &device, 1, &["a device that nobody has"]);
     assert!(!folder.path().join("a.png").exists());
 }
@@ -184,11 +183,10 @@ fn quiet_is_quiet_and_verbose_tells_more() {
 #[test]
 fn a_missing_driver_is_named_with_its_package() {
     let folder = tempfile::tempdir().unwrap();
-    succeeds(folder.path(), &["mesh", "cube", "-o", "cube.obj"]);
     for device in [&[][..], &["--device", "3"]] {
         let output = std::process::Command::new(env!("CARGO_BIN_EXE_softras"))
             .current_dir(folder.path())
-            .args([&["render", "cube.obj", "-o", "a.png"], device].concat())
+            .args([&["render", "cube", "-o", "a.png"], device].concat())
             .env("VK_DRIVER_FILES", "/nowhere.json")
             .env("VK_ICD_FILENAMES", "/nowhere.json")
             .output()
@@ -197,6 +195,31 @@ fn a_missing_driver_is_named_with_its_package() {
         assert_eq!(output.status.code(), Some(1), "{errors}");
         assert!(errors.contains("no Vulkan driver") && errors.contains("mesa-vulkan-drivers"), "{errors}");
     }
+}
+
+/// Where a file has the name, the file is meant.
+#[test]
+fn a_built_in_mesh_is_taken_by_its_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let picture = |mesh: &str, more: &[&str]| {
+        let output = softras(folder.path(), &[&["render", mesh, "-o", "fish.png", "--size", "16"], more].concat());
+        assert_eq!(output.status.code(), Some(0), "{mesh}");
+        (fs::read(folder.path().join("fish.png")).unwrap(), String::from_utf8(output.stderr).unwrap())
+    };
+    let (made, raw) = (picture("fish", &[]), picture("fish", &["--raw"]));
+    assert!(made.1.is_empty() && made.0 != raw.0);
+    succeeds(folder.path(), &["mesh", "fish", "-o", "fish.obj"]);
+    assert!(picture("fish.obj", &[]) == made && picture("fish.obj", &["--raw"]) == raw);
+    let noted = picture("fish", &["--strict"]);
+    assert_eq!((noted.0, &noted.1[..]), (made.0, "note: fish is the built-in mesh, not fish.obj\n"));
+    let near = ["neither a file nor a built-in mesh", "did you mean fish.obj or the built-in fish?", "double-torus"];
+    for line in ["render fsh -o a.png", "iou fish fsh", "info fsh", "fit --from fsh --write-views views -o o.obj"] {
+        fails(folder.path(), &words(line), 1, &near);
+    }
+    fails(folder.path(), &words("fit --from fish --template fsh -o o.obj"), 2, &[&near[..], &["auto, hull"]].concat());
+    assert!(!folder.path().join("views").exists());
+    fs::rename(folder.path().join("fish.png"), folder.path().join("cube")).unwrap();
+    fails(folder.path(), &["info", "cube"], 1, &["cube: no ending tells its format"]);
 }
 
 /// The full tier runs them.

@@ -53,10 +53,12 @@ pub fn commands(page: &str) -> Vec<String> {
     let mut found = Vec::new();
     for line in page.lines() {
         let line = line.replace("cargo run -- ", "softras ");
+        // The first line of the README installs packages before.
+        let line = line.rsplit(" && ").next().unwrap_or_default();
         if line.starts_with("```") {
             inside = line == "```sh";
         } else if inside && line.starts_with("softras ") {
-            found.push(line.split(" #").next().unwrap_or(&line).trim().to_owned());
+            found.push(line.split(" #").next().unwrap_or(line).trim().to_owned());
         }
     }
     found

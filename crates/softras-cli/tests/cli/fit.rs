@@ -16,8 +16,7 @@ fn numbers(value: &Value) -> Vec<f64> {
 fn a_shape_is_fitted_to_views_of_a_mesh() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
-    succeeds(folder.path(), &["mesh", "torus", "-o", "torus.obj"]);
-    let fit = "fit --from torus.obj --views 6 --size 32 --iterations 40 --subdivisions 2 --color -o out.obj --json log.json \
+    let fit = "fit --from torus --views 6 --size 32 --iterations 40 --subdivisions 2 --color -o out.obj --json log.json \
                --plot loss.png --gif fit.gif";
     let told = succeeds(folder.path(), &words(fit));
     assert!(told.contains("1 part of genus 1") && told.contains("3D IoU"), "{told}");
@@ -30,7 +29,7 @@ fn a_shape_is_fitted_to_views_of_a_mesh() {
     assert!(mean > 0.6, "{mean}");
     assert!(log["seconds_per_iteration"].as_f64().unwrap() > 0.0);
     // What was written is what was scored, and it has colours.
-    let iou: f64 = succeeds(folder.path(), &["iou", "out.obj", "torus.obj"]).trim().parse().unwrap();
+    let iou: f64 = succeeds(folder.path(), &["iou", "out.obj", "torus"]).trim().parse().unwrap();
     assert!((iou - log["final"]["iou_3d"].as_f64().unwrap()).abs() < 1e-3, "{iou}");
     let text = std::fs::read_to_string(at("out.obj")).unwrap();
     assert!(
@@ -44,9 +43,8 @@ fn a_shape_is_fitted_to_views_of_a_mesh() {
 #[test]
 fn a_fit_goes_on_where_it_was_left() {
     let folder = tempfile::tempdir().unwrap();
-    succeeds(folder.path(), &["mesh", "cube", "-o", "cube.obj"]);
     let fit = |iterations: &str, out: &str, extra: &[&str]| {
-        let fit = "fit --from cube.obj --views 3 --size 24 --subdivisions 1 --sigma 1e-3 --rate 0.01 --iterations";
+        let fit = "fit --from cube --views 3 --size 24 --subdivisions 1 --sigma 1e-3 --rate 0.01 --iterations";
         succeeds(folder.path(), &[&words(fit)[..], &[iterations, "-o", out], extra].concat());
         std::fs::read_to_string(folder.path().join(out)).unwrap()
     };
@@ -66,16 +64,15 @@ fn a_fit_goes_on_where_it_was_left() {
         std::fs::remove_file(folder.path().join("fit.npz")).unwrap();
     }
     fit("6", "half.obj", &["--checkpoint", "fit.npz"]);
-    let other = "fit --from cube.obj --views 3 --size 24 --subdivisions 2 -o x.obj --checkpoint fit.npz --resume";
+    let other = "fit --from cube --views 3 --size 24 --subdivisions 2 -o x.obj --checkpoint fit.npz --resume";
     fails(folder.path(), &words(other), 1, &["saved state of another fit"]);
 }
 
 #[test]
 fn each_loss_has_numbers_of_its_own() {
     let folder = tempfile::tempdir().unwrap();
-    succeeds(folder.path(), &["mesh", "torus", "-o", "torus.obj"]);
     let run = |extra: &[&str]| {
-        let fit = "fit --from torus.obj --views 3 --size 24 --preset official --iterations 2 -o out.obj \
+        let fit = "fit --from torus --views 3 --size 24 --preset official --iterations 2 -o out.obj \
                    --json log.json";
         let output = softras(folder.path(), &[&words(fit)[..], extra].concat());
         assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
@@ -91,13 +88,12 @@ fn each_loss_has_numbers_of_its_own() {
 #[test]
 fn pictures_and_cameras_are_read_from_a_folder() {
     let folder = tempfile::tempdir().unwrap();
-    succeeds(folder.path(), &["mesh", "torus", "-o", "torus.obj"]);
     std::fs::create_dir(folder.path().join("photos")).unwrap();
     let mut cameras = Vec::new();
     for azimuth in [0, 90, 200] {
         let (file, azimuth) = (format!("{azimuth}.png"), azimuth.to_string());
         let out = format!("photos/{file}");
-        let render = ["render", "torus.obj", "--size", "32", "--unlit", "--distance", "4.5", "--elevation", "10"];
+        let render = ["render", "torus", "--size", "32", "--unlit", "--distance", "4.5", "--elevation", "10"];
         succeeds(folder.path(), &[&render[..], &["--azimuth", &azimuth, "-o", &out]].concat());
         cameras.push(format!("{{\"file\": \"{file}\", \"distance\": 4.5, \"elevation\": 10, \"azimuth\": {azimuth}}}"));
     }
@@ -247,9 +243,8 @@ fn missing_cameras_show_what_they_look_like() {
 #[test]
 fn an_interrupted_fit_writes_its_best_and_exits_with_130() {
     let folder = tempfile::tempdir().unwrap();
-    succeeds(folder.path(), &["mesh", "torus", "-o", "torus.obj"]);
     let fit =
-        "fit --from torus.obj --views 3 --size 24 --subdivisions 2 --iterations 1000000 -o out.obj --checkpoint a.npz";
+        "fit --from torus --views 3 --size 24 --subdivisions 2 --iterations 1000000 -o out.obj --checkpoint a.npz";
     let mut child = std::process::Command::new(env!("CARGO_BIN_EXE_softras"))
         .current_dir(folder.path())
         .args(fit.split_whitespace())
@@ -272,9 +267,8 @@ fn depths_and_normals_are_fitted_too() {
     let at = |name: &str| folder.path().join(name);
     let run = |command: &str| succeeds(folder.path(), &words(command));
     let refused = |command: &str, parts: &[&str]| fails(folder.path(), &words(command), 1, parts);
-    run("mesh mug -o mug.obj");
     let common = "--iterations 20 --json log.json -o out.obj";
-    let told = run(&format!("fit --from mug.obj --views 8 --size 40 --also depth,normal --write-views seen {common}"));
+    let told = run(&format!("fit --from mug --views 8 --size 40 --also depth,normal --write-views seen {common}"));
     assert!(told.contains("genus 1"), "{told}");
     let read = "fit --views seen --depths seen/depths --normals seen/normals";
     run(&format!("{read} {common}"));
@@ -284,13 +278,13 @@ fn depths_and_normals_are_fitted_too() {
         assert!(losses[0] > 0.0 && losses[19] < 0.9 * losses[0], "{name}: {losses:?}");
     }
     // With depths the fit begins with the mug's hollow, which no outline shows.
-    let iou = |out: &str| succeeds(folder.path(), &["iou", out, "mug.obj"]).trim().parse::<f64>().unwrap();
+    let iou = |out: &str| succeeds(folder.path(), &["iou", out, "mug"]).trim().parse::<f64>().unwrap();
     run("fit --views seen --iterations 20 -o outlines.obj --save-cameras kept.json");
     let kept = std::fs::read_to_string(folder.path().join("kept.json")).unwrap();
     assert!(kept.lines().count() == 10 && kept.contains("view_007.png") && kept.contains("intrinsics"), "{kept}");
     assert!(iou("out.obj") > iou("outlines.obj") + 0.1, "{} {}", iou("out.obj"), iou("outlines.obj"));
     // The other formats: what render writes, and pictures of 16 bits.
-    run("render mug.obj -o view_000.exr --output depth,normal --size 40");
+    run("render mug -o view_000.exr --output depth,normal --size 40");
     for (map, name) in [("depth", "depths"), ("normal", "normals")] {
         std::fs::remove_file(at(&format!("seen/{name}/view_000.npy"))).unwrap();
         std::fs::rename(at(&format!("view_000_{map}.exr")), at(&format!("seen/{name}/view_000.exr"))).unwrap();

@@ -74,16 +74,15 @@ fn pipes_without_a_writer_are_refused() {
     let pipe = |name: &str| assert!(Command::new("mkfifo").arg(folder.path().join(name)).status().unwrap().success());
     pipe("pipe");
     pipe("pipe.npz");
-    succeeds(folder.path(), &["mesh", "cube", "-o", "cube.obj"]);
     let told = ["pipe", "not a regular file"];
     for line in [
         "render pipe -o o.png",
         "fit --views pipe --cameras pipe -o o.obj",
-        "fit --template pipe --from cube.obj --views 2 --size 8 -o o.obj",
-        "fit --from cube.obj --views 2 --size 8 --checkpoint pipe.npz --resume -o o.obj",
-        "grad cube.obj --target pipe -o o.png",
-        "pose --mesh cube.obj --image pipe",
-        "iou cube.obj pipe",
+        "fit --template pipe --from cube --views 2 --size 8 -o o.obj",
+        "fit --from cube --views 2 --size 8 --checkpoint pipe.npz --resume -o o.obj",
+        "grad cube --target pipe -o o.png",
+        "pose --mesh cube --image pipe",
+        "iou cube pipe",
         "mesh cube -o pipe",
     ] {
         refused(folder.path(), &words(line), &told);
@@ -102,11 +101,10 @@ fn pipes_without_a_writer_are_refused() {
 #[test]
 fn a_pipe_in_place_of_the_cache_holds_nobody_up() {
     let folder = tempfile::tempdir().unwrap();
-    succeeds(folder.path(), &["mesh", "cube", "-o", "cube.obj"]);
     let render = || {
         let mut command = Command::new("timeout");
         let command =
-            command.args(["60", env!("CARGO_BIN_EXE_softras"), "render", "cube.obj", "-o", "o.png", "--size", "8"]);
+            command.args(["60", env!("CARGO_BIN_EXE_softras"), "render", "cube", "-o", "o.png", "--size", "8"]);
         command.current_dir(folder.path()).env("XDG_CACHE_HOME", folder.path()).output().unwrap()
     };
     assert!(render().status.success());
@@ -124,18 +122,17 @@ fn a_pipe_in_place_of_the_cache_holds_nobody_up() {
 #[test]
 fn results_that_cannot_be_written_are_told() {
     let folder = tempfile::tempdir().unwrap();
-    succeeds(folder.path(), &["mesh", "cube", "-o", "cube.obj"]);
     let run = |arguments: &[&str], out: Stdio| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_softras"));
         command.current_dir(folder.path()).args(arguments).stdout(out).stderr(Stdio::piped()).output().unwrap()
     };
     for arguments in [
-        &["iou", "cube.obj", "cube.obj"][..],
-        &["iou", "cube.obj", "cube.obj", "--json"],
+        &["iou", "cube", "cube"][..],
+        &["iou", "cube", "cube", "--json"],
         &["devices"],
         &["devices", "--json"],
         &["mesh", "cube", "-o", "other.obj"],
-        &["render", "cube.obj", "-o", "o.png", "--size", "8", "--json"],
+        &["render", "cube", "-o", "o.png", "--size", "8", "--json"],
         &["--help"],
         &["--version"],
         &["fit", "--help"],
@@ -164,8 +161,7 @@ fn names_give_the_terminal_no_orders() {
     fs::write(folder.path().join("b.obj"), format!("{triangle}usemtl {mtl}\nf 1 2 3\n")).unwrap();
     fs::write(folder.path().join("cameras.json"), r#"[{"file":"\u001b[31m.png","eye":[0,0,3]}]"#).unwrap();
     let missing = format!("{orders}.obj");
-    succeeds(folder.path(), &["mesh", "cube", "-o", "cube.obj"]);
-    let fit = "fit --from cube.obj --views 1 --size 8 --subdivisions 0 -o o.obj --checkpoint a.npz --resume";
+    let fit = "fit --from cube --views 1 --size 8 --subdivisions 0 -o o.obj --checkpoint a.npz --resume";
     let fit = words(fit);
     for (arguments, part) in [
         (&fit[..], "\\u001b[31mred\\u009b\\u202e"),
@@ -188,8 +184,7 @@ fn names_give_the_terminal_no_orders() {
 #[test]
 fn checkpoints_with_impossible_numbers_are_refused() {
     let folder = tempfile::tempdir().unwrap();
-    succeeds(folder.path(), &["mesh", "cube", "-o", "cube.obj"]);
-    let fit = "fit --from cube.obj --views 2 --size 8 --subdivisions 0 --iterations 2 -o o.obj --checkpoint c.npz";
+    let fit = "fit --from cube --views 2 --size 8 --subdivisions 0 --iterations 2 -o o.obj --checkpoint c.npz";
     let fit = words(fit);
     succeeds(folder.path(), &fit);
     let resume = [&fit[..], &["--resume"]].concat();

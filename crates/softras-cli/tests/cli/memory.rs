@@ -12,8 +12,7 @@ use std::{fs, path::Path, process::Command};
 fn large_arrays_are_read_only_when_they_are_needed() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("c.npz");
-    succeeds(folder.path(), &["mesh", "cube", "-o", "cube.obj"]);
-    let fit = "fit --from cube.obj --views 2 --size 8 --subdivisions 0 --iterations 2 -o o.obj --checkpoint c.npz";
+    let fit = "fit --from cube --views 2 --size 8 --subdivisions 0 --iterations 2 -o o.obj --checkpoint c.npz";
     let resume: Vec<&str> = fit.split_whitespace().chain(["--resume"]).collect();
     succeeds(folder.path(), &resume);
     let keys = ["steps", "values", "mean", "square", "colors", "color_mean", "color_square", "positions", "triangles"];

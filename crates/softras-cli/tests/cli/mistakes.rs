@@ -40,12 +40,11 @@ fn only_fish_and_torus_have_a_detail() {
 #[test]
 fn depths_in_the_wrong_order_name_both_options() {
     let folder = tempfile::tempdir().unwrap();
-    succeeds(folder.path(), &["mesh", "cube", "-o", "cube.obj"]);
-    succeeds(folder.path(), &["render", "cube.obj", "-o", "cube.png", "--size", "16", "--background", "navy"]);
+    succeeds(folder.path(), &["render", "cube", "-o", "cube.png", "--size", "16", "--background", "navy"]);
     for command in [
-        &["render", "cube.obj", "-o", "a.png", "--size", "16"][..],
-        &["grad", "cube.obj", "--target", "cube.png", "-o", "a.png"],
-        &["pose", "--mesh", "cube.obj", "--image", "cube.png"],
+        &["render", "cube", "-o", "a.png", "--size", "16"][..],
+        &["grad", "cube", "--target", "cube.png", "-o", "a.png"],
+        &["pose", "--mesh", "cube", "--image", "cube.png"],
     ] {
         let both = [command, &["--near", "5", "--far", "2"]].concat();
         fails(folder.path(), &both, 2, &["--near 5 --far 2", "near must be less than far", "leave one out"]);
@@ -57,20 +56,19 @@ fn depths_in_the_wrong_order_name_both_options() {
 #[test]
 fn an_empty_file_is_said_to_be_empty() {
     let folder = tempfile::tempdir().unwrap();
-    succeeds(folder.path(), &["mesh", "cube", "-o", "cube.obj"]);
     fs::create_dir(folder.path().join("views")).unwrap();
     for (line, file) in [
         ("render e.obj -o a.png", "e.obj"),
         ("render e.ply -o a.png", "e.ply"),
         ("render e.stl -o a.png", "e.stl"),
         ("render e.glb -o a.png", "e.glb"),
-        ("grad cube.obj --target e.png -o a.png", "e.png"),
-        ("pose --mesh cube.obj --image e.jpg", "e.jpg"),
+        ("grad cube --target e.png -o a.png", "e.png"),
+        ("pose --mesh cube --image e.jpg", "e.jpg"),
         ("fit --views views -o a.obj", "views/cameras.json"),
         ("fit --views views -o a.obj", "views/transforms.json"),
         ("fit --views views -o a.obj", "views/images.txt"),
         ("fit --views e.npy --cameras c.npy -o a.obj", "e.npy"),
-        ("fit --from cube.obj --views 1 --size 8 --subdivisions 0 --checkpoint e.npz --resume -o a.obj", "e.npz"),
+        ("fit --from cube --views 1 --size 8 --subdivisions 0 --checkpoint e.npz --resume -o a.obj", "e.npz"),
     ] {
         let path = folder.path().join(file);
         fs::write(&path, "").unwrap();
@@ -121,12 +119,11 @@ fn a_picture_with_nothing_in_it_is_noted() {
 #[test]
 fn a_pose_that_does_not_explain_the_picture_is_doubted() {
     let folder = tempfile::tempdir().unwrap();
-    succeeds(folder.path(), &["mesh", "fish", "-o", "fish.obj"]);
     let doubts = |how: &str| {
-        let render = format!("render fish.obj -o picture.png --size 48 {how}");
+        let render = format!("render fish -o picture.png --size 48 {how}");
         succeeds(folder.path(), &words(&render));
         // The camera of both is the same, so that there is nothing to turn.
-        let pose = "pose --mesh fish.obj --image picture.png --init --no-translation --iterations 20";
+        let pose = "pose --mesh fish --image picture.png --init --no-translation --iterations 20";
         let output = softras(folder.path(), &words(pose));
         assert_eq!(output.status.code(), Some(0));
         assert!(String::from_utf8_lossy(&output.stdout).contains("silhouettes agree by 0."));

@@ -21,14 +21,13 @@ fn difference(a: &[u8], b: &[u8]) -> (usize, u8) {
 fn a_picture_in_bands_is_the_whole_picture() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    succeeds(folder, &["mesh", "cube", "-o", "cube.obj"]);
     let outputs = ["color", "depth", "normal", "silhouette"];
     for (name, memory, extra) in [
         ("a", ["3M", "1M"], &["--size", "250x230"][..]),
         ("b", ["500K"; 2], &["--size", "200", "--orthographic", "fit", "--sigma", "1e-4", "--background", "#ffffff"]),
     ] {
         let render = |file: &str, more: &[&str]| {
-            let arguments = ["render", "cube.obj", "-o", file, "--output", "color,depth,normal,silhouette", "--json"];
+            let arguments = ["render", "cube", "-o", file, "--output", "color,depth,normal,silhouette", "--json"];
             let said = succeeds(folder, &[&arguments[..], extra, more].concat());
             let report: Value = serde_json::from_str(&said).unwrap();
             assert_eq!(report["frames"], 1);
@@ -65,13 +64,13 @@ fn a_picture_in_bands_is_the_whole_picture() {
         }
     }
     // An animation's frames are in bands as well.
-    let turn = ["render", "cube.obj", "--turntable", "3", "--size", "200", "-o"];
+    let turn = ["render", "cube", "--turntable", "3", "--size", "200", "-o"];
     succeeds(folder, &[&turn[..], &["whole.png"]].concat());
     succeeds(folder, &[&turn[..], &["bands.png", "--memory", "3M"]].concat());
     let (count, most) = difference(&bytes(&folder.join("whole.png")), &bytes(&folder.join("bands.png")));
     assert!(most <= 3 && count < 100, "{count} differ by {most}");
     // What not even four rows can be rendered in is an error.
-    let little = ["render", "cube.obj", "-o", "o.png", "--size", "4000x4", "--memory", "500K"];
+    let little = ["render", "cube", "-o", "o.png", "--size", "4000x4", "--memory", "500K"];
     fails(folder, &little, 1, &["out of memory", "allow more"]);
 }
 
@@ -80,10 +79,9 @@ fn a_picture_in_bands_is_the_whole_picture() {
 fn a_fit_in_batches_is_the_whole_fit() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    succeeds(folder, &["mesh", "cube", "-o", "cube.obj"]);
     let losses = |more: &[&str]| -> Vec<f64> {
         let fit =
-            "fit --from cube.obj --views 6 --size 32 --subdivisions 2 --iterations 4 --color -o o.obj --json log.json";
+            "fit --from cube --views 6 --size 32 --subdivisions 2 --iterations 4 --color -o o.obj --json log.json";
         succeeds(folder, &[&words(fit)[..], more].concat());
         let log: Value = serde_json::from_slice(&std::fs::read(folder.join("log.json")).unwrap()).unwrap();
         log["loss"].as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect()

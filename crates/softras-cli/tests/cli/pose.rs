@@ -6,10 +6,9 @@ use serde_json::Value;
 #[test]
 fn a_pose_is_found_from_a_picture() {
     let folder = tempfile::tempdir().unwrap();
-    succeeds(folder.path(), &["mesh", "cube", "-o", "cube.obj"]);
-    let render = "render cube.obj -o target.png --frame sphere --unlit --size 32 --azimuth 250 --elevation -10";
+    let render = "render cube -o target.png --frame sphere --unlit --size 32 --azimuth 250 --elevation -10";
     succeeds(folder.path(), &words(render));
-    let pose = "pose --mesh cube.obj --image target.png --json -o posed.obj";
+    let pose = "pose --mesh cube --image target.png --json -o posed.obj";
     let report: Value = serde_json::from_str(&succeeds(folder.path(), &words(pose))).unwrap();
     assert!(report["loss"].as_f64().unwrap() < 0.02 && report["confidence"].as_f64().unwrap() > 0.5, "{report}");
     // Seen from where the fit looked from, the posed cube is the target again.

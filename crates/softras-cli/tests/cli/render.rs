@@ -109,11 +109,9 @@ fn closed_meshes_are_opaque_inside_unless_the_models_values_are_asked_for() {
     // With how many inner pixels are below 255 by the model, at least; a cube's far faces cover almost all of its edges.
     let meshes = [("fish", "256", 1000), ("torus", "201x255", 1000), ("icosphere", "128", 300), ("cube", "255", 1)];
     for (name, size, least) in meshes.into_iter().step_by(tier(3, 1)) {
-        let mesh = format!("{name}.obj");
-        succeeds(folder.path(), &["mesh", name, "-o", &mesh]);
         let extra = ["--size", size, "--samples", "1", "--output", "silhouette", "--silhouette-mode", "hard"];
-        let covered = drawn(&mesh, &extra);
-        let solid = drawn(&mesh, &["--size", size]);
+        let covered = drawn(name, &extra);
+        let solid = drawn(name, &["--size", size]);
         let inside: Vec<(u32, u32)> =
             covered.enumerate_pixels().map(|(c, r, _)| (c, r)).filter(|(c, r)| is_inside(&covered, *c, *r)).collect();
         assert!(inside.len() > 3000, "{name}: {}", inside.len());
@@ -122,10 +120,10 @@ fn closed_meshes_are_opaque_inside_unless_the_models_values_are_asked_for() {
         // The outline stays soft, and colours are those of the model.
         assert!(solid.pixels().filter(|p| (1..255).contains(&p.0[3])).count() > 200, "{name}");
         for option in [&["--alpha", "model"][..], &["--raw"]] {
-            assert!(below(&drawn(&mesh, &[&["--size", size], option].concat())) >= least, "{name} {option:?}");
+            assert!(below(&drawn(name, &[&["--size", size], option].concat())) >= least, "{name} {option:?}");
         }
-        let model = drawn(&mesh, &["--size", size, "--alpha", "model"]);
-        let grounded = drawn(&mesh, &["--size", size, "--background", "#000080"]);
+        let model = drawn(name, &["--size", size, "--alpha", "model"]);
+        let grounded = drawn(name, &["--size", size, "--background", "#000080"]);
         for (c, r) in inside {
             let [a, b, d] = [&solid, &model, &grounded].map(|picture| picture.get_pixel(c, r).0);
             // Samples of the model count by their alpha.

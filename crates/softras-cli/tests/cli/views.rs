@@ -11,7 +11,7 @@ fn read(path: &Path) -> Value {
 
 /// The losses of a fit of some steps that begins with the fish itself.
 fn fitted(folder: &Path, source: &[&str]) -> Vec<f64> {
-    let rest = "--template fish.obj --iterations 3 -o out.obj --json log.json";
+    let rest = "--template fish --iterations 3 -o out.obj --json log.json";
     succeeds(folder, &[&["fit"], source, &words(rest)[..]].concat());
     let log = read(&folder.join("log.json"));
     log["silhouette_loss"].as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect()
@@ -24,8 +24,7 @@ fn close(a: &[f64], b: &[f64], by: f64) -> bool {
 #[test]
 fn written_views_are_read_again() {
     let folder = tempfile::tempdir().unwrap();
-    succeeds(folder.path(), &["mesh", "fish", "-o", "fish.obj"]);
-    let made = ["--from", "fish.obj", "--views", "4", "--size", "48"];
+    let made = ["--from", "fish", "--views", "4", "--size", "48"];
     let plain = fitted(folder.path(), &made);
     let written = fitted(folder.path(), &[&made[..], &["--write-views", "photos"]].concat());
     assert!(close(&plain, &written, 1e-5), "{plain:?} {written:?}");
@@ -45,10 +44,10 @@ fn written_views_are_read_again() {
 #[test]
 fn views_are_written_only_where_they_replace_no_input() {
     let folder = tempfile::tempdir().unwrap();
-    succeeds(folder.path(), &["mesh", "cube", "-o", "cube.obj"]);
-    let fit = ["fit", "--from", "cube.obj", "--views", "2", "--size", "8", "--iterations", "1", "-o", "o.obj"];
+    let fit = ["fit", "--from", "cube", "--views", "2", "--size", "8", "--iterations", "1", "-o", "o.obj"];
     fails(folder.path(), &[&fit[..], &["--json", "v/view_001.png", "--write-views", "v"]].concat(), 2, &["twice"]);
-    fails(folder.path(), &[&fit[..], &["--write-views", "cube.obj"]].concat(), 1, &["cube.obj"]);
+    fs::write(folder.path().join("file"), "").unwrap();
+    fails(folder.path(), &[&fit[..], &["--write-views", "file"]].concat(), 1, &["file"]);
     fails(folder.path(), &["fit", "--views", "v", "--write-views", "w", "-o", "o.obj"], 2, &["--from"]);
     fails(folder.path(), &words("fit --from none.obj --write-views w -o o.obj"), 1, &["none.obj"]);
     assert!(!folder.path().join("w").exists());

@@ -6,12 +6,11 @@ use crate::command::{softras, succeeds};
 #[test]
 fn a_hollow_is_found_by_the_light_in_it() {
     let folder = tempfile::tempdir().unwrap();
-    succeeds(folder.path(), &["mesh", "mug", "-o", "mug.obj"]);
     let fit = |extra: &[&str], out: &str| {
-        let views = ["--from", "mug.obj", "--views", "12", "--size", "64", "--color", "--iterations", "1"];
+        let views = ["--from", "mug", "--views", "12", "--size", "64", "--color", "--iterations", "1"];
         let output = softras(folder.path(), &[&["fit", "-o", out], &views[..], extra].concat());
         assert!(output.status.success());
-        let iou = succeeds(folder.path(), &["iou", "mug.obj", out]);
+        let iou = succeeds(folder.path(), &["iou", "mug", out]);
         (String::from_utf8(output.stderr).unwrap(), iou.trim().parse::<f64>().unwrap())
     };
     let (told, iou) = fit(&[], "mug_fit.obj");

@@ -35,10 +35,8 @@ fn a_fit_begins_with_the_hull_and_tells_what_it_has_not_found() {
 #[test]
 fn a_hole_that_the_mesh_covers_is_cut_while_the_fit_runs() {
     let folder = tempfile::tempdir().unwrap();
-    succeeds(folder.path(), &["mesh", "torus", "-o", "torus.obj"]);
     let run = |extra: &str| {
-        let fit =
-            format!("fit --from torus.obj --views 12 --size 48 --iterations 60 -o out.obj --json log.json {extra}");
+        let fit = format!("fit --from torus --views 12 --size 48 --iterations 60 -o out.obj --json log.json {extra}");
         let output = softras(folder.path(), &words(&fit));
         let said = String::from_utf8(output.stderr).unwrap();
         assert_eq!(output.status.code(), Some(0), "{said}");
@@ -68,8 +66,7 @@ fn a_hole_that_the_mesh_covers_is_cut_while_the_fit_runs() {
 #[test]
 fn a_cut_that_loses_outlines_at_first_is_kept_where_its_loss_falls_lower() {
     let folder = tempfile::tempdir().unwrap();
-    succeeds(folder.path(), &["mesh", "mug", "-o", "mug.obj"]);
-    let fit = "fit --from mug.obj --template sphere --color --views 12 --size 48 --iterations 200 -o out.obj";
+    let fit = "fit --from mug --template sphere --color --views 12 --size 48 --iterations 200 -o out.obj";
     let mut child = std::process::Command::new(env!("CARGO_BIN_EXE_softras"))
         .current_dir(folder.path())
         .args(fit.split_whitespace())

@@ -20,7 +20,7 @@ Examples:
   softras bench bunny.obj --size 256,512 --modes color+silhouette --json bunny.json
   softras bench --plots plots")]
 pub struct BenchArgs {
-    /// A mesh file: .obj, .ply, .stl, .gltf or .glb
+    /// A mesh: .obj, .ply, .stl, .gltf, .glb, or a built-in one: torus
     pub mesh: Option<PathBuf>,
     /// Measure for seconds in place of minutes
     #[arg(long)]

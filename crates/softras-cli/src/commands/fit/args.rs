@@ -20,7 +20,7 @@ Examples:
   softras fit --views photos -o shape.obj --color --gif fit.gif --plot loss.png
   softras fit --views scans --depths scans/depths --normals scans/normals -o shape.obj
   softras fit --views views.npy --cameras cameras.npy -o shape.obj --json log.json
-  softras fit --from spot.obj --views 24 --size 256 --texture -o textured.obj
+  softras fit --from fish --views 24 --size 256 --texture -o textured.obj
   softras fit --from spot.obj --template grey_spot.obj --texture -o textured.obj";
 
 const USAGE: &str = "\
@@ -37,7 +37,7 @@ pub struct FitArgs {
     /// Cameras of the images [default: the camera file in the folder]
     #[arg(long, value_name = "FILE", conflicts_with = "from")]
     pub cameras: Option<PathBuf>,
-    /// Render the target images from this mesh
+    /// Render the target images from this mesh: a file or a built-in mesh
     #[arg(long, value_name = "MESH")]
     pub from: Option<PathBuf>,
     /// The mesh to write: .obj, .ply or .glb
@@ -49,7 +49,7 @@ pub struct FitArgs {
     /// Fit the template's texture, or a new one if it has none
     #[arg(long)]
     pub texture: bool,
-    /// The mesh to begin with: auto, hull, sphere or a mesh file
+    /// The mesh to begin with: auto, hull, sphere, a file or a built-in mesh
     #[arg(long, value_name = "MESH", default_value = "auto")]
     pub template: String,
     #[command(flatten)]

@@ -79,7 +79,7 @@ fn view_files(args: &FitArgs) -> Result<Vec<PathBuf>, Failure> {
     let maps: Vec<Map> = args.targets.also.iter().map(|&map| map.into()).collect();
     if let Some(from) = &args.from {
         // No folder is made for a mesh that is not there.
-        std::fs::metadata(from).map_err(|source| softras::Error::Io { path: from.clone(), source })?;
+        softras_io::built_in(from)?;
     }
     for folder in [folder.clone()].into_iter().chain(maps.iter().map(|map| folder.join(map.folder()))) {
         std::fs::create_dir_all(&folder).map_err(|source| softras::Error::Io { path: folder, source })?;
@@ -99,11 +99,9 @@ fn template(
         "auto" => Template::Auto,
         "sphere" => Template::Sphere,
         "hull" => Template::Hull,
-        path if !Path::new(path).exists() => {
-            let what = format!("--template {path}: neither auto, hull or sphere nor a file that exists");
-            return Err(Failure::Usage(what));
-        }
         path => {
+            let other = |error| Failure::Usage(format!("--template {error}; or auto, hull or sphere"));
+            softras_io::built_in(path).map_err(other)?;
             let loaded = args.read.read(Path::new(path), true, outputs, budget)?;
             let mesh = super::held(args.read.placed(loaded, origin)?.mesh, renderer)?;
             args.check_template(&mesh)?;

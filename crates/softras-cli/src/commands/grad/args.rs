@@ -16,16 +16,15 @@ vertices, blue ones at hidden vertices. The camera is that of
 `softras render --frame sphere`.
 
 Examples:
-  softras mesh fish -o fish.obj
-  softras render fish.obj -o target.png --frame sphere --azimuth 180
-  softras grad fish.obj --target target.png -o grad.png
-  softras grad fish.obj --target target.png -o grad.png --blur 30 --json";
+  softras render fish -o target.png --frame sphere --azimuth 180
+  softras grad fish --target target.png -o grad.png
+  softras grad fish --target target.png -o grad.png --blur 30 --json";
 
 /// Compare with a target image and draw the gradient at the vertices
 #[derive(Args, Debug)]
 #[command(after_help = EXAMPLES, allow_negative_numbers = true)]
 pub struct GradArgs {
-    /// The mesh: .obj, .ply, .stl, .gltf or .glb
+    /// The mesh: .obj, .ply, .stl, .gltf, .glb, or a built-in one: fish
     pub mesh: PathBuf,
     /// The target picture
     #[arg(long = "target", value_name = "IMAGE")]

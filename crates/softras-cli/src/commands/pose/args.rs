@@ -14,16 +14,16 @@ seen by the camera of `softras render --frame sphere`. Confidence is near 1
 where one pose alone explains the picture, and 0 where several do.
 
 Examples:
-  softras render fish.obj -o target.png --frame sphere --unlit --size 64 --azimuth 250
-  softras pose --mesh fish.obj --image target.png -o posed.obj
+  softras render fish -o target.png --frame sphere --unlit --size 64 --azimuth 250
+  softras pose --mesh fish --image target.png -o posed.obj
   softras pose --mesh posed.obj --image target.png -o better.obj --init
-  softras pose --mesh fish.obj --image target.png -o posed.obj --init 0,1,0,90";
+  softras pose --mesh fish --image target.png -o posed.obj --init 0,1,0,90";
 
 /// Find the rotation and translation of a mesh from a picture of it
 #[derive(Args, Debug)]
 #[command(after_help = EXAMPLES, allow_negative_numbers = true)]
 pub struct PoseArgs {
-    /// The mesh file to pose
+    /// The mesh to pose: a file or a built-in mesh
     #[arg(long, value_name = "MESH")]
     pub mesh: PathBuf,
     /// The picture to fit the pose to

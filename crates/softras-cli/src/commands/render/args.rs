@@ -10,18 +10,18 @@ use std::path::PathBuf;
 
 const EXAMPLES: &str = "\
 Examples:
-  softras render bunny.obj -o bunny.png
+  softras render fish -o fish.png
   softras render spot.obj -o spot.png --size 800x600 --azimuth 30 --background '#f4f1ea'
   softras render spot.obj -o spot.exr --output color,depth,normal
   softras render spot.obj -o soft.png --sigma 1e-3 --gamma 1e-2
   softras render spot.obj -o turn.gif --turntable 100
   softras render spot.obj -o blur.png --sweep sigma=1e-5..1e-2:8";
 
-/// Render a mesh file as pictures
+/// Render a mesh as pictures
 #[derive(Args, Debug)]
 #[command(after_help = EXAMPLES, allow_negative_numbers = true)]
 pub struct RenderArgs {
-    /// The mesh: .obj, .ply, .stl, .gltf or .glb
+    /// The mesh: .obj, .ply, .stl, .gltf, .glb, or a built-in one: fish
     pub mesh: PathBuf,
     /// The file to write: .png, .exr, .npy or .gif; may be repeated
     #[arg(short, long = "out", value_name = "FILE", required = true)]
