@@ -1,4 +1,4 @@
-//! The full tier of the laboratory: scenes of `softras stress` that broke a promise which said too much, each among those it
+//! The full tier of softras-check: scenes of `softras stress` that broke a promise which said too much, each among those it
 //! was drawn with.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
