@@ -37,7 +37,7 @@ pub struct RendererOptions {
     pub lanes: Option<u32>,
     /// The folder that keeps compiled kernels between runs.
     pub cache: CacheFolder,
-    /// The Vulkan loader; `None`: the system's.
+    /// The Vulkan loader; `None`: the driver's file that `SOFTRAS_DRIVER` names, else the system's loader.
     pub loader: Option<Loader>,
     /// The most bytes of device memory for a frame with its gradients and all saved frames that live, or for a step of
     /// a fit. Larger frames are refused with [`Error::OutOfMemory`]. `None`: as much as the device has.
@@ -76,7 +76,8 @@ impl Renderer {
     /// Opens the device that `SOFTRAS_DEVICE` names (index or part of the name), else the best one.
     ///
     /// # Errors
-    /// [`Error::NoDevice`] without a Vulkan loader, driver or suitable device; [`Error::Vulkan`].
+    /// [`Error::NoDevice`] without a Vulkan loader, driver or suitable device; [`Error::File`], [`Error::Io`] for what
+    /// SOFTRAS_DRIVER names; [`Error::Vulkan`].
     pub fn new() -> Result<Self> {
         Self::with_options(&RendererOptions::default())
     }
@@ -98,7 +99,7 @@ impl Renderer {
             device: options.device.clone(),
             validation: options.validation,
             cache: options.cache.clone(),
-            loader: options.loader,
+            loader: options.loader.clone(),
         })?;
         let mut rasterizer = Rasterizer::on(context.device(), Some(context.pipeline_cache().clone()));
         if let Some(lanes) = options.lanes {
@@ -123,9 +124,10 @@ impl Renderer {
     /// The Vulkan devices of this machine, suitable or not, by the indices that [`RendererOptions::device`] takes.
     ///
     /// # Errors
-    /// [`Error::NoDevice`] without a Vulkan loader or driver; [`Error::Vulkan`].
+    /// [`Error::NoDevice`] without a Vulkan loader or driver; [`Error::File`], [`Error::Io`] for what SOFTRAS_DRIVER names;
+    /// [`Error::Vulkan`].
     pub fn devices() -> Result<Vec<DeviceInfo>> {
-        Context::devices()
+        Context::devices(None)
     }
 
     /// The device's name, as its driver reports it.

@@ -2,6 +2,7 @@
 
 use ash::vk;
 use std::ffi::CStr;
+use std::path::PathBuf;
 
 /// A physical device, as plain data.
 #[derive(Clone, Debug)]
@@ -16,6 +17,8 @@ pub struct DeviceInfo {
     pub driver: String,
     /// The driver's version, as the driver writes it.
     pub driver_version: String,
+    /// The driver's file, if it was opened without a Vulkan loader ([`Loader::driver`](crate::Loader::driver), SOFTRAS_DRIVER).
+    pub file: Option<PathBuf>,
     /// Vulkan version, as (major, minor, patch).
     pub api_version: (u32, u32, u32),
     /// The limits that softras depends on.
@@ -164,6 +167,7 @@ pub(super) unsafe fn describe(instance: &ash::Instance, index: usize, physical: 
         kind: DeviceKind::of(properties.device_type),
         driver,
         driver_version,
+        file: None,
         api_version: (vk::api_version_major(version), vk::api_version_minor(version), vk::api_version_patch(version)),
         // SAFETY: the handle comes from this instance, which is of Vulkan 1.1; a device of 1.0 is never used, and the loader
         // answers the 1.1 query for it all the same.

@@ -36,7 +36,7 @@ mod _softras {
         mesh::{Mesh, load, shape},
         pose::pose,
         reference::{reference_gradient, reference_render},
-        renderer::Renderer,
+        renderer::{Renderer, devices},
         solid::solid_voxels,
         steps::time_steps,
         view::{png, save_exr, save_pictures, view},

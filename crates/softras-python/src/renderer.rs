@@ -7,8 +7,10 @@ use crate::frame::Frame;
 use crate::mesh::meshes;
 use crate::settings;
 use numpy::PyArray1;
+use pyo3::exceptions::PyModuleNotFoundError;
 use pyo3::prelude::*;
-use softras::{RendererOptions, Result, Scene, Settings};
+use softras::{DeviceInfo, Error, Loader, RendererOptions, Result, Scene, Settings};
+use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// A renderer, shared with its frames, and the process that opened it.
@@ -92,17 +94,74 @@ impl Inputs {
     }
 }
 
+/// Whether the system has a device to render on, or SOFTRAS_DRIVER says which driver to take.
+fn has_device(found: &Result<Vec<DeviceInfo>>) -> bool {
+    found.as_ref().is_ok_and(|all| all.iter().any(|one| one.suitable.is_ok() || one.file.is_some()))
+}
+
+/// The driver of the package softras-lavapipe, if it is installed.
+fn packaged(py: Python<'_>) -> PyResult<Option<Loader>> {
+    match py.import("softras_lavapipe") {
+        Ok(module) => {
+            let file: PathBuf = module.getattr("DRIVER")?.extract()?;
+            py.detach(|| Loader::driver(file)).raise().map(Some)
+        }
+        Err(error) if error.is_instance_of::<PyModuleNotFoundError>(py) => Ok(None),
+        Err(error) => Err(error),
+    }
+}
+
+/// A missing device's error that also names the package, which exists for Linux on x86-64.
+fn with_package(error: Error) -> Error {
+    match error {
+        Error::NoDevice { what, fix } if cfg!(all(target_os = "linux", target_arch = "x86_64")) => {
+            Error::NoDevice { what, fix: format!("pip install softras[cpu], or {fix}") }
+        }
+        other => other,
+    }
+}
+
+/// A device as `softras.Device` has it: index, name, kind, driver, its version and file, and why it cannot be used.
+type Listed = (usize, String, String, String, String, Option<PathBuf>, Option<String>);
+
+/// The devices that `Renderer` chooses from; see `softras.devices`.
+#[pyfunction]
+pub fn devices(py: Python<'_>) -> PyResult<Vec<Listed>> {
+    let mut found = py.detach(softras::Renderer::devices);
+    if matches!(found, Ok(_) | Err(Error::NoDevice { .. })) && !has_device(&found) {
+        found = match packaged(py)? {
+            Some(loader) => py.detach(|| loader.devices()),
+            None => found.map_err(with_package),
+        };
+    }
+    let listed = |one: DeviceInfo| {
+        (one.index, one.name, one.kind.to_string(), one.driver, one.driver_version, one.file, one.suitable.err())
+    };
+    Ok(found.raise()?.into_iter().map(listed).collect())
+}
+
 #[pymethods]
 impl Renderer {
     /// Opens a device: its index or part of its name, else what SOFTRAS_DEVICE says, else the best one.
     ///
     /// `validation` runs under the Vulkan validation layers; `memory` is the most bytes that a frame's buffers may take.
-    /// Raises NoDeviceError, which names the package to install where there is no driver.
+    /// Where the system has no device, that of the package softras-lavapipe is opened. Raises NoDeviceError, which names the package
+    /// to install; FileError for a driver's file of SOFTRAS_DRIVER.
     #[new]
     #[pyo3(signature = (device = None, *, validation = false, memory = None))]
     fn new(py: Python<'_>, device: Option<String>, validation: bool, memory: Option<u64>) -> PyResult<Self> {
         let options = RendererOptions { device, validation, memory, ..RendererOptions::default() };
-        let renderer = py.detach(|| softras::Renderer::with_options(&options)).raise()?;
+        let open = |options: &RendererOptions| py.detach(|| softras::Renderer::with_options(options));
+        let renderer = match open(&options) {
+            Err(error @ Error::NoDevice { .. }) if !py.detach(|| has_device(&softras::Renderer::devices())) => {
+                match packaged(py)? {
+                    Some(loader) => open(&RendererOptions { loader: Some(loader), ..options }),
+                    None => Err(with_package(error)),
+                }
+            }
+            result => result,
+        }
+        .raise()?;
         let device = renderer.device_name().to_owned();
         let shared = Shared { renderer: Mutex::new(Some(renderer)), process: std::process::id(), device };
         Ok(Self { shared: Arc::new(shared) })

@@ -3,7 +3,9 @@
 import inspect
 import dataclasses
 import os
+import pathlib
 import pickle
+import platform
 import subprocess
 import sys
 import threading
@@ -190,6 +192,29 @@ def test_a_missing_driver_names_the_package():
     environment = {**os.environ, "VK_DRIVER_FILES": "/nonexistent.json", "VK_ICD_FILENAMES": "/nonexistent.json"}
     result = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, timeout=120)
     assert "mesa-vulkan-drivers" in result.stdout, result.stdout + result.stderr
+    if sys.platform == "linux" and platform.machine() == "x86_64":
+        assert 0 < result.stdout.index("pip install softras[cpu]") < result.stdout.index("mesa-vulkan-drivers"), result.stdout
+
+
+def test_a_packaged_driver_takes_the_place_of_a_missing_one(tmp_path):
+    device = softras.default_renderer().device
+    maps = pathlib.Path("/proc/self/maps")
+    files = {line[line.index("/") :] for line in maps.read_text().splitlines() if "/libvulkan_lvp" in line} if maps.exists() else ()
+    if not files:
+        pytest.skip("the device's driver is not lavapipe")
+
+    def opened(driver):
+        (tmp_path / "softras_lavapipe.py").write_text(f"DRIVER = {str(driver)!r}\n")
+        code = "import softras\nprint(softras.devices()[0].file, softras.Renderer().device, sep='\\n')"
+        environment = {**os.environ, "PYTHONPATH": str(tmp_path), "VK_DRIVER_FILES": "/none.json", "VK_ICD_FILENAMES": "/none.json"}
+        return subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, timeout=120)
+
+    (driver,) = files
+    assert opened(driver).stdout.splitlines() == [driver, device]
+    text = tmp_path / "text.so"
+    text.write_text("no driver")
+    error = opened(text).stderr
+    assert "softras.errors.FileError" in error and f"{text}: it is no shared library" in error
 
 
 def test_files_keep_a_mesh(tmp_path, bumpy):

@@ -5,7 +5,8 @@ use super::super::cache::PipelineCache;
 use super::super::device::Device;
 use super::super::result::Named;
 use super::allocation::{allocator, direct_types};
-use super::instance::{Instance, Loader};
+use super::instance::Instance;
+use super::loader::Loader;
 use super::select;
 use super::validation::ValidationLog;
 use crate::Result;
@@ -24,7 +25,7 @@ pub struct ContextOptions {
     pub validation: bool,
     /// Where compiled kernels are kept for the next process.
     pub cache: CacheFolder,
-    /// The Vulkan loader; `None`: the system's.
+    /// The Vulkan loader; `None`: the driver that SOFTRAS_DRIVER names, else the system's loader.
     pub loader: Option<Loader>,
 }
 
@@ -66,7 +67,7 @@ pub(super) struct Shared {
 impl Context {
     /// Opens a device.
     pub fn new(options: &ContextOptions) -> Result<Self> {
-        let instance = Instance::new(options.loader, options.validation || validation_by_environment())?;
+        let instance = Instance::new(options.loader.as_ref(), options.validation || validation_by_environment())?;
         let environment = std::env::var("SOFTRAS_DEVICE").ok();
         let selector = options.device.as_deref().or(environment.as_deref());
         let adapter = select::select(select::list(&instance)?, selector)?;
@@ -92,9 +93,9 @@ impl Context {
         Ok(Self { cache, info: adapter.info, shared })
     }
 
-    /// All devices there are, suitable or not.
-    pub fn devices() -> Result<Vec<DeviceInfo>> {
-        let instance = Instance::new(None, false)?;
+    /// All devices of a loader, suitable or not; `None` as in [`ContextOptions::loader`].
+    pub fn devices(loader: Option<&Loader>) -> Result<Vec<DeviceInfo>> {
+        let instance = Instance::new(loader, false)?;
         Ok(select::list(&instance)?.into_iter().map(|a| a.info).collect())
     }
 

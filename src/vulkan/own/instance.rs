@@ -1,53 +1,24 @@
-//! The Vulkan loader, and an instance with debug names and validation where they are installed.
+//! An instance with debug names and validation where they are installed.
 
 use super::super::devices_lock::changing_devices;
 use super::super::result::Named;
+use super::loader::{Loader, system_entry};
 use super::validation::{Checks, LAYER, Messenger, ValidationLog};
 use crate::{Error, Result};
 use ash::vk;
 use std::ffi::CStr;
-use std::sync::OnceLock;
+use std::path::Path;
+use std::sync::Arc;
 
 /// How a machine gets a device.
 pub(super) const INSTALL: &str = "install a graphics driver with Vulkan 1.1, or the software device \
-    (Debian, Ubuntu: apt install libvulkan1 mesa-vulkan-drivers)";
-
-/// The loader, opened once for the process and never closed: drivers leave threads behind that outlive their library.
-fn system_entry() -> Result<&'static ash::Entry> {
-    static ENTRY: OnceLock<ash::Entry> = OnceLock::new();
-    if let Some(entry) = ENTRY.get() {
-        return Ok(entry);
-    }
-    // SAFETY: opening the Vulkan loader runs its initialisers, which it is made for.
-    let entry = unsafe { ash::Entry::load() }.map_err(|e| Error::NoDevice {
-        what: format!("the Vulkan loader cannot be opened ({e})"),
-        fix: INSTALL.to_string(),
-    })?;
-    Ok(ENTRY.get_or_init(|| entry))
-}
-
-/// A Vulkan loader other than the system's: one that is linked in, or an engine's own.
-#[derive(Clone, Copy, Debug)]
-pub struct Loader(vk::PFN_vkGetInstanceProcAddr);
-
-impl Loader {
-    /// By its vkGetInstanceProcAddr.
-    ///
-    /// # Safety
-    /// It is that function. It and all functions that it returns can be called for the rest of the process.
-    pub unsafe fn new(get_instance_proc_addr: vk::PFN_vkGetInstanceProcAddr) -> Self {
-        Self(get_instance_proc_addr)
-    }
-
-    fn entry(self) -> ash::Entry {
-        // SAFETY: the promise of `new`.
-        unsafe { ash::Entry::from_static_fn(ash::StaticFn { get_instance_proc_addr: self.0 }) }
-    }
-}
+    (Debian, Ubuntu: apt install libvulkan1 mesa-vulkan-drivers), or name a driver's file by SOFTRAS_DRIVER";
 
 /// An instance of ours, with its messenger.
 pub(in crate::vulkan) struct Instance {
     pub(in crate::vulkan) raw: ash::Instance,
+    /// The driver's file, if it was opened without a loader.
+    pub(super) driver: Option<Arc<Path>>,
     /// VK_EXT_debug_utils is enabled.
     pub(in crate::vulkan) debug_utils: bool,
     /// Messages go here; stays empty without validation.
@@ -57,12 +28,19 @@ pub(in crate::vulkan) struct Instance {
 }
 
 impl Instance {
-    /// Makes an instance for Vulkan 1.1, by this loader or the system's. With `validation`, the validation layer must be installed.
-    pub(super) fn new(loader: Option<Loader>, validation: bool) -> Result<Self> {
-        let entry = &match loader {
-            Some(loader) => loader.entry(),
-            None => system_entry()?.clone(),
-        };
+    /// Makes an instance for Vulkan 1.1, by this loader, else the driver that SOFTRAS_DRIVER names, else the system's loader. With
+    /// `validation`, the validation layer must be installed.
+    pub(super) fn new(loader: Option<&Loader>, validation: bool) -> Result<Self> {
+        let loader = loader.cloned().map_or_else(Loader::by_environment, |loader| Ok(Some(loader)))?;
+        let driver = loader.as_ref().and_then(|loader| loader.file.clone());
+        if let Some(driver) = driver.as_ref().filter(|_| validation) {
+            return Err(Error::NoDevice {
+                what: format!("validation needs the Vulkan loader, but {} is opened without one", driver.display()),
+                fix: "unset SOFTRAS_DRIVER and name the driver by VK_DRIVER_FILES, or do without validation"
+                    .to_string(),
+            });
+        }
+        let entry = &loader.as_ref().map_or_else(system_entry, |loader| Ok(loader.entry()))?;
         let extensions = extensions(entry, None)?;
         let debug_utils = extensions.iter().any(|e| e == ash::ext::debug_utils::NAME);
         let portability = extensions.iter().any(|e| e == ash::khr::portability_enumeration::NAME);
@@ -109,7 +87,7 @@ impl Instance {
             });
         }
         let raw = created.named("vkCreateInstance")?;
-        let mut instance = Self { raw, debug_utils, log, messenger: None };
+        let mut instance = Self { raw, driver, debug_utils, log, messenger: None };
         if validation {
             // SAFETY: debug_utils is there (require_validation), and Drop destroys the messenger first.
             let messenger = unsafe { Messenger::new(entry, &instance.raw, instance.log.clone()) };

@@ -6,6 +6,7 @@ use super::super::result::Named;
 use super::instance::{INSTALL, Instance};
 use crate::{Error, Result};
 use ash::vk;
+use std::path::Path;
 
 /// A listed device with its handle.
 pub(super) struct Adapter {
@@ -15,7 +16,7 @@ pub(super) struct Adapter {
     pub(super) queue_family: Option<u32>,
 }
 
-/// All devices of an instance, in the loader's order.
+/// All devices of an instance, in the loader's order; of a driver's file at least one.
 pub(super) fn list(instance: &Instance) -> Result<Vec<Adapter>> {
     let turn = changing_devices();
     // SAFETY: the instance lives.
@@ -26,10 +27,20 @@ pub(super) fn list(instance: &Instance) -> Result<Vec<Adapter>> {
         Err(vk::Result::ERROR_INITIALIZATION_FAILED | vk::Result::ERROR_INCOMPATIBLE_DRIVER) => Vec::new(),
         other => other.named("vkEnumeratePhysicalDevices")?,
     };
+    let file = instance.driver.as_deref().map(Path::to_owned);
+    if let (Some(path), true) = (&file, found.is_empty()) {
+        return Err(Error::File {
+            path: path.clone(),
+            line: None,
+            what: "this driver has no device on this machine".to_string(),
+            fix: "name the driver of a device that is here".to_string(),
+        });
+    }
     let adapter = |(index, physical)| {
         // SAFETY: the handle comes from this instance, which is of Vulkan 1.1.
         let info = unsafe { describe(&instance.raw, index, physical) };
-        Adapter { physical, info, queue_family: compute_family(&instance.raw, physical) }
+        let queue_family = compute_family(&instance.raw, physical);
+        Adapter { physical, info: DeviceInfo { file: file.clone(), ..info }, queue_family }
     };
     Ok(found.into_iter().enumerate().map(adapter).collect())
 }

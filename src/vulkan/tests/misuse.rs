@@ -9,7 +9,7 @@ use crate::vulkan::{
 
 #[test]
 fn devices_are_listed_and_selected() -> Outcome {
-    let devices = Context::devices()?;
+    let devices = Context::devices(None)?;
     let first = devices.first().ok_or("no device")?;
     assert!(first.limits.max_workgroup_invocations >= 128 && first.limits.subgroup_size > 0, "{first:?}");
     // `RTX 4090` is found by `4090`, which is no device's index.

@@ -2,6 +2,8 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 mod crowds;
+#[cfg(target_os = "linux")]
+mod drivers;
 mod edge_cases;
 mod errors;
 mod layers;

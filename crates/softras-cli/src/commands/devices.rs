@@ -9,12 +9,14 @@ use softras::{DeviceInfo, Limits, Renderer};
 #[derive(Args, Debug)]
 #[command(after_help = "\
 Every --device option takes an index or a part of a name from this list. Without the option the
-environment variable SOFTRAS_DEVICE is used, and without that the best device.
+environment variable SOFTRAS_DEVICE is used, and without that the best device. SOFTRAS_DRIVER names
+a driver's file to open in place of the Vulkan loader and the installed drivers.
 
 Examples:
   softras devices
   softras render bunny.obj -o bunny.png --device 1
-  SOFTRAS_DEVICE=llvmpipe softras render bunny.obj -o bunny.png")]
+  SOFTRAS_DEVICE=llvmpipe softras render bunny.obj -o bunny.png
+  SOFTRAS_DRIVER=/opt/libvulkan_lvp.so softras devices")]
 pub struct DevicesArgs {
     /// Print one JSON array
     #[arg(long)]
@@ -39,9 +41,10 @@ fn as_text(device: &DeviceInfo) -> String {
         Ok(()) => "usable".to_string(),
         Err(why) => format!("NOT usable: {why}"),
     };
+    let file = device.file.as_ref().map_or(String::new(), |file| format!(" from {}", file.display()));
     let mib = |bytes: u64| bytes >> 20;
     format!(
-        "{}: {} ({}, Vulkan {}, {} {})\n   {usable}; memory {} MiB, storage buffers to {} MiB, texel buffers to {} Mi \
+        "{}: {} ({}, Vulkan {}, {} {}{file})\n   {usable}; memory {} MiB, storage buffers to {} MiB, texel buffers to {} Mi \
          elements, subgroups of {}",
         device.index,
         device.name,
@@ -64,6 +67,7 @@ fn as_json(device: &DeviceInfo) -> Value {
         "kind": device.kind.to_string(),
         "driver": device.driver,
         "driver_version": device.driver_version,
+        "driver_file": device.file,
         "api_version": version(device.api_version),
         "usable": device.suitable.is_ok(),
         "why_not": device.suitable.as_ref().err(),

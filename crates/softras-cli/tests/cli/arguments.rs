@@ -3,6 +3,7 @@
 use super::command::{PAGES, commands, page};
 use super::{fails, softras, succeeds, words};
 use std::fs;
+use std::process::Command;
 
 #[test]
 fn every_command_has_help_with_examples() {
@@ -80,6 +81,12 @@ fn devices_are_listed_for_people_and_programs() {
     for device in json.as_array().unwrap() {
         assert!(text.contains(device["name"].as_str().unwrap()), "{text}");
     }
+    // A driver's file takes the place of them all.
+    fs::write(folder.path().join("notes.txt"), "no driver").unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_softras"));
+    let output = command.current_dir(folder.path()).env("SOFTRAS_DRIVER", "notes.txt").arg("devices").output().unwrap();
+    let error = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.code() == Some(1) && error.contains("notes.txt"), "{error}");
 }
 
 #[test]

@@ -25,7 +25,7 @@ from ._softras import (
 )
 from .errors import Error
 from .fitting import FitResult, Pose, deform, fit, pose
-from .rendering import Check, Fragments, backward, check, default_renderer, fragments, render
+from .rendering import Check, Device, Fragments, backward, check, default_renderer, devices, fragments, render
 from .settings import DirectionalLight, Lights, Settings
 from .views import Fitted, Picture, Views, load_views, view
 
@@ -34,6 +34,7 @@ __version__ = "0.1.0"
 __all__ = [
     "Camera",
     "Check",
+    "Device",
     "DirectionalLight",
     "Error",
     "FitResult",
@@ -54,6 +55,7 @@ __all__ = [
     "check",
     "deform",
     "default_renderer",
+    "devices",
     "errors",
     "fit",
     "fragments",

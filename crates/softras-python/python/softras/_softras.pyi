@@ -1,6 +1,7 @@
 """The extension module: what `softras` exports, written in Rust."""
 
 import os
+import pathlib
 from typing import Any, Dict, List, Mapping, Optional, Sequence, Tuple, Union, final
 
 import numpy as np
@@ -28,6 +29,7 @@ __all__ = [
     "blurred_mask",
     "check",
     "depths_of",
+    "devices",
     "fit",
     "fit_views",
     "iou",
@@ -249,6 +251,7 @@ class Renderer:
     def process(self) -> int: ...
     def validation_messages(self) -> List[str]: ...
 
+def devices() -> List[Tuple[int, str, str, str, str, Optional[pathlib.Path], Optional[str]]]: ...
 def load_views(
     path: _Path,
     *,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import pathlib
 import threading
 from typing import Any, Dict, List, NamedTuple, Sequence, Tuple, Union
 
@@ -30,6 +31,29 @@ def default_renderer() -> Renderer:
         if _opened is None or _opened.process != os.getpid():
             _opened = Renderer()
         return _opened
+
+
+class Device(NamedTuple):
+    """A Vulkan device. `Renderer` takes its index or a part of its name."""
+
+    index: int
+    name: str
+    #: discrete, integrated, virtual, software or other.
+    kind: str
+    driver: str
+    driver_version: str
+    #: The driver's file, if it was opened without the Vulkan loader: that of SOFTRAS_DRIVER or of the package softras-lavapipe.
+    file: pathlib.Path | None
+    #: Why softras cannot run on it.
+    why_not: str | None
+
+
+def devices() -> List[Device]:
+    """The devices that `Renderer` chooses from: those of the system, or of the package softras-lavapipe where these are none.
+
+    Raises NoDeviceError, which names the package to install, and FileError for a driver's file of SOFTRAS_DRIVER.
+    """
+    return [Device(*found) for found in _softras.devices()]
 
 
 def _after_fork() -> None:
