@@ -9,6 +9,7 @@ mod formats;
 #[path = "../../../../tests/common/mutate.rs"]
 mod mutate;
 mod mutation;
+mod named;
 #[allow(dead_code, reason = "shared with the tests of the command")]
 mod numpy;
 mod obj;
