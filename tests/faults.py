@@ -194,6 +194,8 @@ FAULTS = [
      "views.len() == self.cameras.len()", ["io views::some_views"]),
     ("fit: views held out are not numbered anew", "crates/softras-fit/src/subject.rs", "self.held_out.contains(&views[*at])",
      "self.held_out.contains(at)", ["fit doubt::a_wrong_view"]),
+    ("fit: nobody ends it", "crates/softras-fit/src/work.rs", "self.is_stopped |= (self.told)(event).is_break();",
+     "let _ = (self.told)(event);", ["fit photos::a_fit_tells"]),
     ("views: a cut picture is complete", "crates/softras-io/src/views/sizes.rs", "pixel[3] > 0.5 && is_last(i)", "pixel[3] > 1.5 && is_last(i)",
      ["io views::pictures_of_several_sizes"]),
     ("glTF: charts of single triangles have mipmaps", "crates/softras-io/src/gltf/write.rs", "texture, !are_single", "texture, true || are_single",

@@ -8,8 +8,9 @@ use crate::{
     options::{FitOptions, Preset, Template},
     subject::Subject,
     visual_hull,
+    work::Work,
 };
-use softras::{Mesh, Renderer, Result, scene::Appearance, shapes};
+use softras::{Mesh, Result, scene::Appearance, shapes};
 
 /// The sphere's radius as a share of the radius that the cameras see.
 const SPHERE: f64 = 0.65;
@@ -29,17 +30,12 @@ pub struct Begin {
 }
 
 /// The mesh that the arguments ask for, placed where the cameras look.
-pub fn begin(
-    options: &FitOptions,
-    subject: &Subject,
-    notes: &mut Vec<String>,
-    renderer: &mut Renderer,
-) -> Result<Begin> {
+pub fn begin(options: &FitOptions, subject: &Subject, work: &mut Work) -> Result<Begin> {
     let official = options.preset == Preset::Official;
     let own = matches!(options.template, Template::Mesh(_));
     let (mesh, hull) = match &options.template {
         Template::Mesh(mesh) => ((**mesh).clone(), false),
-        _ => match hull(options, subject, notes, renderer)? {
+        _ => match hull(options, subject, work)? {
             Some(mesh) => (mesh, true),
             None => (sphere(options, subject, official)?, false),
         },
@@ -58,7 +54,7 @@ pub fn begin(
         true if textured || own && matches!(mesh.appearance(), Appearance::VertexColors(_)) => {
             mesh.appearance().clone()
         }
-        true if one_color => Appearance::Uniform(color_under_light(&mesh, subject, renderer)?),
+        true if one_color => Appearance::Uniform(color_under_light(&mesh, subject, work.renderer)?),
         true => Appearance::VertexColors(vec![[0.5; 3]; mesh.positions().len()]),
         false => Appearance::Uniform([0.8; 3]),
     };
@@ -74,42 +70,45 @@ fn sphere(options: &FitOptions, subject: &Subject, official: bool) -> Result<Mes
     placed(&shapes::icosphere(subdivisions)?, |p, k| f64::from(p) * radius + center[k])
 }
 
+/// Whether the fit of so many views begins with a hull, if there is one.
+pub fn takes_hull(options: &FitOptions, views: usize) -> bool {
+    let sphere = options.subdivisions.is_some() || options.preset == Preset::Official || views < HULL_VIEWS;
+    match options.template {
+        Template::Hull => true,
+        Template::Auto => !sphere,
+        Template::Sphere | Template::Mesh(_) => false,
+    }
+}
+
 /// The visual hull where it is asked for, or is likely to be nearer than a sphere; `None` for a sphere.
-fn hull(
-    options: &FitOptions,
-    subject: &Subject,
-    notes: &mut Vec<String>,
-    renderer: &mut Renderer,
-) -> Result<Option<Mesh>> {
+fn hull(options: &FitOptions, subject: &Subject, work: &mut Work) -> Result<Option<Mesh>> {
     let asked = matches!(options.template, Template::Hull);
-    let official = options.preset == Preset::Official;
-    if asked && official {
+    if asked && options.preset == Preset::Official {
         return bad("a hull for the official method, which begins with its sphere", "leave out one of the two");
     }
     let targets = options.compared(subject);
-    let few = targets.cameras.len() < HULL_VIEWS;
-    let sphere = options.subdivisions.is_some() || official || few;
-    if matches!(options.template, Template::Sphere) || !asked && sphere {
+    if !takes_hull(options, targets.cameras.len()) {
         return Ok(None);
     }
     let (center, side) = subject.cube();
     match visual_hull(&targets, center, side, subject.samples()?) {
         Ok(raw) => {
             let edge = options.edge.map_or(HULL_EDGE, |edge| edge.0) * subject.pixel;
+            work.goes_on()?;
             let hull = evened(&raw, edge)?;
             // A hull that was carved by depths has its hollows already.
             let lit = subject.one_color && options.color && !subject.lights.directional.is_empty();
             if !lit || targets.depth.is_some() {
                 return Ok(Some(hull));
             }
-            let (mesh, hollows) = dug(hull, edge, &targets, subject, renderer)?;
+            let (mesh, hollows) = dug(hull, edge, &targets, subject, work)?;
             if hollows > 0 {
-                notes.push(format!("the shading shows {hollows} hollow(s) in the hull: the fit begins with them"));
+                work.notes.push(format!("the shading shows {hollows} hollow(s) in the hull: the fit begins with them"));
             }
             Ok(Some(mesh))
         }
         Err(error) if !asked => {
-            notes.push(format!("the fit begins with a sphere, since there is no hull: {error}"));
+            work.notes.push(format!("the fit begins with a sphere, since there is no hull: {error}"));
             Ok(None)
         }
         Err(error) => Err(error),

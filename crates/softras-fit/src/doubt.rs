@@ -70,14 +70,10 @@ pub fn settle(subject: &mut Subject, notes: &mut Vec<String>) -> Result<()> {
     left.retain(|view| out.iter().all(|(other, _)| other != view));
     out.sort_unstable();
     for (view, why) in out {
-        notes.push(format!("{} {why}: it is left out", name(views, view)));
+        notes.push(format!("{} {why}: it is left out", views.name(view)));
     }
     subject.keep(&left);
     fill(&mut subject.views, bounds, notes)
-}
-
-fn name(views: &Views, view: usize) -> String {
-    views.names.get(view).cloned().unwrap_or_else(|| format!("view {view}"))
 }
 
 /// The place in `using` of the view without which the others agree much better.
@@ -217,7 +213,7 @@ fn fill(views: &mut Views, bounds: Sphere, notes: &mut Vec<String>) -> Result<()
         let (sum, more) = (pixels.iter().sum::<usize>(), pixels.iter().filter(|count| **count > 0).count() - 1);
         let others = if more == 0 { String::new() } else { format!(" and {more} more") };
         let plural = if sum == 1 { "" } else { "s" };
-        Some(format!("{}{others}: {what}, {sum} pixel{plural} in all, {why}", name(views, first)))
+        Some(format!("{}{others}: {what}, {sum} pixel{plural} in all, {why}", views.name(first)))
     }));
     Ok(())
 }

@@ -7,6 +7,7 @@ use crate::{
     points,
     seen::{Seen, normals},
     subject::Subject,
+    work::Work,
 };
 use glam::DVec3;
 use softras::{Image, Mesh, Renderer, Result, Settings};
@@ -31,23 +32,17 @@ struct Sight {
 }
 
 /// Divides colours by the gains of their views where that makes them agree on a mesh near the object.
-pub fn leveled(
-    subject: &mut Subject,
-    mesh: &Mesh,
-    settings: &Settings,
-    notes: &mut Vec<String>,
-    renderer: &mut Renderer,
-) -> Result<bool> {
+pub fn leveled(subject: &mut Subject, mesh: &Mesh, settings: &Settings, work: &mut Work) -> Result<()> {
     if subject.views.color.is_none() {
-        return Ok(false);
+        return Ok(());
     }
-    let sights = sights(subject, mesh, settings, renderer)?;
+    let sights = sights(subject, mesh, settings, work.renderer)?;
     let count = subject.views.cameras.len();
     let channels = [0, 1, 2].map(|channel| gains(&sights, channel, count));
     let (before, after) = channels.iter().fold((0.0, 0.0), |sum, c| (sum.0 + c.1, sum.1 + c.2));
     let (low, high) = channels.iter().flat_map(|c| &c.0).fold((0.0f64, 0.0f64), |(l, h), x| (l.min(*x), h.max(*x)));
     if low.abs().max(high) < LEAST_GAIN || after > MOST_LEFT * before {
-        return Ok(false);
+        return Ok(());
     }
     let level = |image: &mut Image| {
         let pixels = image.height * image.width;
@@ -63,8 +58,8 @@ pub fn leveled(
     let photographs = subject.photographs.as_mut().and_then(|views| views.color.as_mut());
     subject.views.color.as_mut().into_iter().chain(photographs).for_each(level);
     let [low, high] = [low, high].map(f64::exp);
-    notes.push(format!("the pictures' exposures differ: colours are divided by gains of {low:.2} to {high:.2}"));
-    Ok(true)
+    work.notes.push(format!("the pictures' exposures differ: colours are divided by gains of {low:.2} to {high:.2}"));
+    work.goes_on()
 }
 
 /// How much the colours of the views differ on a mesh: the mean, over points that several views see, of their standard deviation. `None`

@@ -3,13 +3,14 @@
 use crate::{
     ShapeFit, ShapeOptions, ShapeRun, StepLosses, bad, checkpoint, crop, doubt, exposure,
     options::{FitOptions, Preset, Template},
-    paint::{self, Painted, Progress, Told},
-    refine,
+    paint::{self, Painted},
+    plan, refine,
     scores::Scores,
     seen::Seen,
     setup::Setup,
     subject::{Subject, ViewsOfMesh},
     width,
+    work::{Event, Stage, Told, Work},
 };
 use softras::{Lights, Mesh, Renderer, Result, Settings};
 use softras_io::{Budget, Views};
@@ -53,58 +54,60 @@ impl Fit {
         self
     }
 
-    /// Makes the mesh to begin with, and what else does not change.
+    /// Makes the mesh to begin with, and what else does not change. `told` hears of it, and may end it.
     ///
     /// # Errors
-    /// [`softras::Error::Fit`] for options that exclude each other or views that do not fit together; otherwise as
-    /// [`Renderer::render`].
-    pub fn begin(self, renderer: &mut Renderer) -> Result<Fitting> {
+    /// [`softras::Error::Fit`] for options that exclude each other or views that do not fit together, and where `told` ends it;
+    /// otherwise as [`Renderer::render`].
+    pub fn begin(self, renderer: &mut Renderer, told: &mut Told) -> Result<Fitting> {
         let Self { mut subject, options } = self;
         if !options.is_colored() {
             subject.views.color = None;
         }
         let mut notes = Vec::new();
+        let mut work = Work::new(renderer, &mut notes, told, Stage::Views, 0);
+        work.goes_on()?;
         // Views that were rendered agree.
-        if subject.truth.is_none() && options.preset != Preset::Official {
-            crop::cropped(&mut subject, options.crop, &mut notes)?;
+        let are_photographs = subject.truth.is_none() && options.preset != Preset::Official;
+        if are_photographs {
+            crop::cropped(&mut subject, options.crop, work.notes)?;
+        }
+        plan::tell(&options, &subject, &mut work)?;
+        if are_photographs {
             if !options.keep_views {
-                doubt::settle(&mut subject, &mut notes)?;
+                doubt::settle(&mut subject, work.notes)?;
             }
             if !options.keep_cameras && !options.keeps_shape() {
-                refine::refined(&mut subject, &mut notes, renderer)?;
+                refine::refined(&mut subject, &mut work)?;
                 subject.move_photographs()?;
             }
             if !options.keep_views {
-                width::narrowed(&mut subject, &mut notes, renderer)?;
+                width::narrowed(&mut subject, &mut work)?;
             }
         }
         if subject.held_out.is_empty() {
             subject.held_out = options.held_out(&subject);
         }
-        let setup = Setup::new(options, &subject, &mut notes, renderer)?;
-        if subject.truth.is_none() && setup.given.preset != Preset::Official && !setup.given.keep_exposure {
-            exposure::leveled(&mut subject, &setup.template, &setup.settings(0), &mut notes, renderer)?;
+        work.begin(Stage::Start, 0)?;
+        let setup = Setup::new(options, &subject, &mut work)?;
+        if are_photographs && !setup.given.keep_exposure {
+            exposure::leveled(&mut subject, &setup.template, &setup.settings(0), &mut work)?;
         }
         let views = setup.given.compared(&subject);
         let shape = ShapeFit::new(setup.template.clone(), subject.lights.clone(), setup.options.clone())?;
-        Ok(Fitting { subject, setup, run: ShapeRun::new(shape, &views), steps: Vec::new(), notes, taken_notes: 0 })
+        work.goes_on()?;
+        let run = ShapeRun::new(shape, &views);
+        Ok(Fitting { subject, setup, run, steps: Vec::new(), notes, is_stopped: false })
     }
 
-    /// Fits to the end, or until `progress` breaks it.
+    /// Fits to the end, or until `told` breaks it.
     ///
     /// # Errors
     /// As [`Fit::begin`] and [`Fitting::step`].
-    pub fn run(
-        self,
-        renderer: &mut Renderer,
-        mut progress: impl FnMut(&Progress) -> ControlFlow<()>,
-    ) -> Result<Fitted> {
-        let mut fitting = self.begin(renderer)?;
-        let mut is_broken = false;
-        while !is_broken && let Some(step) = fitting.step(renderer)? {
-            is_broken = progress(&step).is_break();
-        }
-        let painted = if is_broken { None } else { fitting.paint(renderer, &mut progress)? };
+    pub fn run(self, renderer: &mut Renderer, mut told: impl FnMut(Event<'_>) -> ControlFlow<()>) -> Result<Fitted> {
+        let mut fitting = self.begin(renderer, &mut told)?;
+        while fitting.step(renderer, &mut told)? {}
+        let painted = fitting.paint(renderer, &mut told)?;
         fitting.finish(painted, renderer)
     }
 }
@@ -128,23 +131,34 @@ pub struct Fitting {
     /// The steps with the views that are compared.
     pub(crate) run: ShapeRun,
     steps: Vec<Taken>,
-    /// What the user should know, and how much of it was taken.
-    pub(crate) notes: Vec<String>,
-    taken_notes: usize,
+    /// What the user should know.
+    notes: Vec<String>,
+    is_stopped: bool,
 }
 
 impl Fitting {
-    /// Takes the next step, before which the mesh may get other triangles; `None` at the end.
+    /// Takes the next step, before which the mesh may get other triangles, and returns whether the fit goes on: not at its end, nor
+    /// once `told` has broken it.
     ///
     /// # Errors
     /// As [`ShapeFit::step`], and of what the mesh is subdivided, remeshed or cut with.
-    pub fn step(&mut self, renderer: &mut Renderer) -> Result<Option<Progress>> {
+    pub fn step(&mut self, renderer: &mut Renderer, told: &mut Told) -> Result<bool> {
         let (at, of) = (self.run.next_step(), self.setup.iterations);
-        if at >= of {
-            return Ok(None);
+        if at >= of || self.is_stopped {
+            return Ok(false);
         }
+        let mut notes = std::mem::take(&mut self.notes);
+        let mut work = Work::new(renderer, &mut notes, told, Stage::Shape, of);
+        work.at.taken = at;
+        let outcome = self.advance(at, &mut work);
+        self.is_stopped = work.is_stopped();
+        self.notes = notes;
+        if self.is_stopped { Ok(false) } else { outcome.map(|()| true) }
+    }
+
+    fn advance(&mut self, at: usize, work: &mut Work) -> Result<()> {
         if self.setup.recuts(at) {
-            self.recut(at, renderer)?;
+            self.recut(at, work)?;
         }
         if self.setup.remakes(at) {
             let shape = self.setup.remade(self.run.shape(), at)?;
@@ -152,10 +166,10 @@ impl Fitting {
         }
         let began = Instant::now();
         let (rate, color_rate) = self.setup.rates(at);
-        let losses = self.run.step(renderer, &self.setup.settings(at), rate, color_rate)?;
+        let losses = self.run.step(work.renderer, &self.setup.settings(at), rate, color_rate)?;
         let loss = losses.loss;
         self.steps.push(Taken { at, losses, seconds: began.elapsed().as_secs_f64() });
-        Ok(Some(Progress { is_texture: false, taken: at + 1, of, loss }))
+        work.step(Some(loss))
     }
 
     /// The number of the next step.
@@ -200,10 +214,9 @@ impl Fitting {
         Seen::of(&mesh, views, &settings, renderer)?.spread(mesh, &all)
     }
 
-    /// Takes what the user should know since the last call: where the mesh was cut anew, and why it begins with what it does.
-    pub fn take_notes(&mut self) -> Vec<String> {
-        let from = std::mem::replace(&mut self.taken_notes, self.notes.len());
-        self.notes[from..].to_vec()
+    /// What the user should know: where the mesh was cut anew, why it begins with what it does, and more.
+    pub fn notes(&self) -> &[String] {
+        &self.notes
     }
 
     /// Makes a texture for the best mesh and fits its texels, where one is to be made, until `told` breaks it.
@@ -212,10 +225,14 @@ impl Fitting {
     /// Those of [`with_atlas`](crate::with_atlas), and of rendering.
     pub fn paint(&mut self, renderer: &mut Renderer, told: &mut Told) -> Result<Option<Painted>> {
         let given = &self.setup.given;
-        let Some(side) = given.texture.filter(|_| !given.keeps_shape()) else { return Ok(None) };
+        let Some(side) = given.texture.filter(|_| !given.keeps_shape() && !self.is_stopped) else { return Ok(None) };
         let best = self.colored(renderer)?;
-        let painted = paint::painted(&best, side, &self.setup, &self.subject, &self.run.targets, (renderer, told))?;
-        self.notes.push(painted.sentence());
+        let mut work = Work::new(renderer, &mut self.notes, told, Stage::Texture, 0);
+        let painted = paint::painted(&best, side, &self.setup, &self.subject, &self.run.targets, &mut work)?;
+        work.notes.push(painted.sentence());
+        // A break is seen in the texture.
+        let _ = work.goes_on();
+        self.is_stopped = work.is_stopped();
         Ok(Some(painted))
     }
 

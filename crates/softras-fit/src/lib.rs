@@ -52,6 +52,7 @@ mod image_loss;
 mod optimizer;
 mod options;
 mod paint;
+mod plan;
 mod pose;
 mod recut;
 mod refine;
@@ -74,6 +75,7 @@ mod topology;
 mod unseen;
 mod voxel;
 mod width;
+mod work;
 
 pub use atlas::with_atlas;
 pub use cameras::Sphere;
@@ -86,7 +88,7 @@ pub use image_loss::{
 };
 pub use optimizer::{Method, Optimizer};
 pub use options::{FitOptions, Preset, Template};
-pub use paint::{Painted, Progress, Told};
+pub use paint::Painted;
 pub use pose::{Differentiation, Pose, PoseFit, PoseOptions, PoseSearch, PoseTarget, rotations};
 pub use regularizer::{Regularizer, laplacian_coordinates};
 pub use remesh::{evened, remeshed, remeshed_while};
@@ -100,6 +102,7 @@ pub use subject::{Lighting, Subject, ViewsOfMesh};
 pub use topology::{Flap, Topology};
 pub use unseen::Unseen;
 pub use voxel::{MAX_RESOLUTION, Voxels, cube_around, enclosed, is_closed, overlap, voxel_iou};
+pub use work::{Event, Progress, Stage, Told};
 
 use glam::DVec3;
 use softras::{Camera, Error, Mesh, Result, Settings};

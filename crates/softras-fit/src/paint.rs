@@ -12,11 +12,12 @@ use crate::{
     subject::Subject,
     texels::Texels,
     with_atlas,
+    work::{Stage, Work},
 };
 use glam::DVec3;
-use softras::{Mesh, Renderer, Result, scene::Appearance};
+use softras::{Mesh, Result, scene::Appearance};
 use softras_io::Views;
-use std::ops::ControlFlow;
+use std::cell::{Cell, RefCell};
 
 /// Steps of the texels.
 const STEPS: usize = 100;
@@ -26,22 +27,8 @@ const RATE: Schedule = Schedule::Exponential { from: 0.1, to: 0.005 };
 const TEXEL: f64 = 1.0;
 /// Photographs that a triangle's texels are taken of, those that see it most squarely.
 const BLENDED: usize = 4;
-
-/// Where a fit is.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Progress {
-    /// Whether it is the texture that is fitted, after the shape.
-    pub is_texture: bool,
-    /// Steps taken.
-    pub taken: usize,
-    /// Steps in all.
-    pub of: usize,
-    /// The loss before the last step.
-    pub loss: f64,
-}
-
-/// What is told of each step, and may end the fit.
-pub type Told<'a> = dyn FnMut(&Progress) -> ControlFlow<()> + 'a;
+/// Triangles after which it is told how many are done.
+const TOLD: usize = 256;
 
 /// A mesh with a fitted texture.
 #[derive(Clone, Debug)]
@@ -61,55 +48,70 @@ pub struct Painted {
 }
 
 /// Gives a mesh that was fitted a texture of at most `most` texels a side in its colours, and fits the texels to the views under the
-/// lights of the fit, until `told` breaks it.
+/// lights of the fit, until the work is to end.
 pub fn painted(
     mesh: &Mesh,
     most: u32,
     setup: &Setup,
     subject: &Subject,
     views: &Views,
-    (renderer, told): (&mut Renderer, &mut Told),
+    work: &mut Work,
 ) -> Result<Painted> {
     let settings = setup.settings(setup.iterations);
     let fitted = setup.given.fitted(subject);
-    let by_vertices = color_error(mesh, &settings, subject, &fitted, renderer)?;
-    if let Some(photographs) = &subject.photographs {
-        let seen = Seen::of(mesh, photographs, &settings, renderer)?;
+    let by_vertices = color_error(mesh, &settings, subject, &fitted, work.renderer)?;
+    let mut losses = Vec::new();
+    let (mesh, texel) = if let Some(photographs) = &subject.photographs {
+        // Without steps, so that a break is seen in `Work` alone.
+        let _ = work.begin(Stage::Texture, mesh.triangles().len().div_ceil(TOLD));
+        let seen = Seen::of(mesh, photographs, &settings, work.renderer)?;
         let pixel = cameras::pixel(&photographs.cameras, subject.bounds.center, photographs.size()?);
-        let (mesh, texel) = photographed(mesh, TEXEL * pixel, most, &seen, &fitted)?;
-        let errors = [by_vertices, color_error(&mesh, &settings, subject, &fitted, renderer)?];
-        let (side, texel, losses) = (side(&mesh), texel / pixel, Vec::new());
-        return Ok(Painted { mesh, is_complete: true, side, texel, losses, errors });
-    }
-    let (start, texel) = with_atlas(mesh, TEXEL * subject.pixel, most)?;
-    let texel = texel / subject.pixel;
-    let mut texels = Texels::new(start, setup, &subject.lights, views, renderer)?;
-    let (mut losses, mut is_broken) = (Vec::with_capacity(STEPS), false);
-    while texels.can_step() && losses.len() < STEPS && !is_broken {
-        let loss = texels.step(RATE.at_step(losses.len(), STEPS), renderer)?;
-        losses.push(loss);
-        is_broken = told(&Progress { is_texture: true, taken: losses.len(), of: STEPS, loss }).is_break();
-    }
-    let is_complete = !is_broken || losses.len() == STEPS;
-    let mesh = texels.mesh().clone();
-    let errors = [by_vertices, color_error(&mesh, &settings, subject, &fitted, renderer)?];
+        let (mesh, texel) = photographed(mesh, TEXEL * pixel, most, &seen, &fitted, work)?;
+        (mesh, texel / pixel)
+    } else {
+        let (start, texel) = with_atlas(mesh, TEXEL * subject.pixel, most)?;
+        let mut texels = Texels::new(start, setup, &subject.lights, views, work.renderer)?;
+        let _ = work.begin(Stage::Texture, STEPS);
+        while texels.can_step() && losses.len() < STEPS && !work.is_stopped() {
+            let loss = texels.step(RATE.at_step(losses.len(), STEPS), work.renderer)?;
+            losses.push(loss);
+            let _ = work.step(Some(loss));
+        }
+        (texels.mesh().clone(), texel / subject.pixel)
+    };
+    let is_complete = !work.is_stopped() || losses.len() == STEPS;
+    let errors = [by_vertices, color_error(&mesh, &settings, subject, &fitted, work.renderer)?];
     Ok(Painted { side: side(&mesh), texel, mesh, is_complete, losses, errors })
 }
 
-/// The mesh with texels as photographs show them, and as the vertices have them where no photograph does.
-fn photographed(mesh: &Mesh, texel: f64, most: u32, seen: &Seen, views: &[usize]) -> Result<(Mesh, f64)> {
+/// The mesh with texels as photographs show them, and as the vertices have them where no photograph does, or where the work is to end.
+fn photographed(
+    mesh: &Mesh,
+    texel: f64,
+    most: u32,
+    seen: &Seen,
+    views: &[usize],
+    work: &mut Work,
+) -> Result<(Mesh, f64)> {
     let (color, points, normals) = (corner_colors(mesh)?, points(mesh), normals(mesh));
+    let (work, done) = (RefCell::new(work), Cell::new(0usize));
     atlas(mesh, texel, most, |triangle, corners| {
+        done.set(done.get() + 1);
+        let mut work = work.borrow_mut();
+        if done.get().is_multiple_of(TOLD) {
+            let _ = work.step(None);
+        }
         let vertices = corners.map(|corner| mesh.triangles()[triangle][corner]);
         let mix = |[a, b, c]: [DVec3; 3], along: f64, up: f64| a + along * (b - a) + up * (c - a);
         let [places, directions] = [&points, &normals].map(|all| vertices.map(|vertex| all[vertex as usize]));
         let colors = vertices.map(&color);
         let third = 1.0 / 3.0;
-        let mut near = seen.views(views, mix(places, third, third), mix(directions, third, third).normalize_or_zero());
+        let some = if work.is_stopped() { &[][..] } else { views };
+        let mut near = seen.views(some, mix(places, third, third), mix(directions, third, third).normalize_or_zero());
         near.truncate(BLENDED);
         move |along, up| {
             let (place, normal) = (mix(places, along, up), mix(directions, along, up).normalize_or_zero());
-            let shown = seen.color(&near, place, normal).or_else(|| seen.color(views, place, normal));
+            let shown = seen.color(&near, place, normal).or_else(|| seen.color(some, place, normal));
             shown.map_or_else(|| between(colors, along, up), |shown| shown.as_vec3().to_array())
         }
     })

@@ -11,6 +11,7 @@ use crate::{
     Fitting, ShapeFit, Topology, carved, evened, overlap, points,
     scores::{mean, shape},
     unseen::Unseen,
+    work::Work,
 };
 use softras::{Mesh, Renderer, Result, Settings};
 use softras_io::Views;
@@ -63,9 +64,9 @@ impl Found {
         self.iou >= old.iou && self.is_less_wrong(old)
     }
 
-    /// What is wrong, with the views counted as they were given, of which the `fitted` are compared.
-    fn reasons(&self, fitted: &[usize]) -> String {
-        let mut reasons = self.unseen.reasons(|view| fitted[view]);
+    /// What is wrong, with the names of the views that show it.
+    fn reasons(&self, name: impl Fn(usize) -> String) -> String {
+        let mut reasons = self.unseen.reasons(name);
         if self.overlap > GROSS {
             reasons.push(format!("overlaps itself in {:.0} % of its volume", 100.0 * self.overlap));
         }
@@ -75,34 +76,36 @@ impl Found {
 
 impl Fitting {
     /// Cuts the mesh anew to the silhouettes if its topology is wrong and the new mesh is better.
-    pub(crate) fn recut(&mut self, step: usize, renderer: &mut Renderer) -> Result<()> {
+    pub(crate) fn recut(&mut self, step: usize, work: &mut Work) -> Result<()> {
         let settings = self.setup.settings(step);
         if self.run.targets.silhouette.is_none() {
             return Ok(());
         }
         let old = self.mesh().clone();
-        let before = Found::of(&old, &self.run.targets, &settings, renderer)?;
+        let before = Found::of(&old, &self.run.targets, &settings, work.renderer)?;
         if !before.is_wrong() {
             return Ok(());
         }
-        let what = format!("step {step}: the mesh {}", before.reasons(&self.setup.given.fitted(&self.subject)));
-        let made = match self.cut(&old, &before, &settings, renderer) {
+        let fitted = self.setup.given.fitted(&self.subject);
+        let what = format!("step {step}: the mesh {}", before.reasons(|view| self.subject.views.name(fitted[view])));
+        let made = match self.cut(&old, &before, &settings, work) {
             Ok(made) => made,
+            Err(error) if work.is_stopped() => return Err(error),
             Err(error) => {
                 let why = format!("since it cannot be cut to the silhouettes: {error}");
-                self.notes.push(format!("{what}; it stays as it is, {why}"));
+                work.notes.push(format!("{what}; it stays as it is, {why}"));
                 return Ok(());
             }
         };
-        let (better, why) = self.better(&made, &before, step, renderer)?;
+        let (better, why) = self.better(&made, &before, step, work)?;
         let Some(fit) = better else {
             let whole =
                 format!("{what}; cut anew to the silhouettes it would be no better ({why}), and it stays as it is");
-            self.notes.push(whole);
+            work.notes.push(whole);
             return Ok(());
         };
         let shape = shape(fit.mesh())?;
-        self.notes.push(format!("{what}; it was cut anew to the silhouettes, and is now {shape} ({why})"));
+        work.notes.push(format!("{what}; it was cut anew to the silhouettes, and is now {shape} ({why})"));
         self.run.go_on_with(fit, step);
         Ok(())
     }
@@ -114,7 +117,7 @@ impl Fitting {
         made: &[(Mesh, Found)],
         before: &Found,
         step: usize,
-        renderer: &mut Renderer,
+        work: &mut Work,
     ) -> Result<(Option<ShapeFit>, String)> {
         let setup = &self.setup;
         let begin = |mesh: &Mesh| ShapeFit::new(mesh.clone(), self.subject.lights.clone(), setup.options.clone());
@@ -132,10 +135,10 @@ impl Fitting {
         }
         let trial = step..step + setup.share(TRIAL).max(self.run.turn());
         let kept = self.run.shape().clone();
-        let uncut = self.tried(kept, &trial, renderer)?;
+        let uncut = self.tried(kept, &trial, work)?;
         for (mesh, after) in candidates {
             let fit = begin(mesh)?;
-            let loss = self.tried(fit.clone(), &trial, renderer)?;
+            let loss = self.tried(fit.clone(), &trial, work)?;
             why = format!("{}; after {} steps loss {loss:.4}, uncut {uncut:.4}", ious(after), trial.len());
             if loss < uncut {
                 return Ok((Some(fit), why));
@@ -145,7 +148,7 @@ impl Fitting {
     }
 
     /// The loss of a fit after the steps of a trial: the mean over the last steps that together compare all views once.
-    fn tried(&self, mut fit: ShapeFit, trial: &Range<usize>, renderer: &mut Renderer) -> Result<f64> {
+    fn tried(&self, mut fit: ShapeFit, trial: &Range<usize>, work: &mut Work) -> Result<f64> {
         let (setup, turn) = (&self.setup, self.run.turn());
         let mut losses = Vec::new();
         // A step returns the loss before it moves anything, so one more is taken.
@@ -153,27 +156,23 @@ impl Fitting {
             // Beyond the fit's last step a trial keeps the settings of that step.
             let at = at.min(setup.iterations - 1);
             let (rate, color_rate) = setup.rates(at);
-            losses.push(fit.step(renderer, &setup.settings(at), &self.run.targets, rate, color_rate)?.loss);
+            work.goes_on()?;
+            losses.push(fit.step(work.renderer, &setup.settings(at), &self.run.targets, rate, color_rate)?.loss);
         }
         Ok(losses.iter().rev().take(turn).sum::<f64>() / turn as f64)
     }
 
     /// The mesh cut to the silhouettes, with the parts that it leaves out, several times with ever shorter edges until one is better
     /// at once.
-    fn cut(
-        &self,
-        mesh: &Mesh,
-        before: &Found,
-        settings: &Settings,
-        renderer: &mut Renderer,
-    ) -> Result<Vec<(Mesh, Found)>> {
+    fn cut(&self, mesh: &Mesh, before: &Found, settings: &Settings, work: &mut Work) -> Result<Vec<(Mesh, Found)>> {
         let missing = self.run.targets.silhouette.as_ref().and_then(|silhouette| before.unseen.missing(silhouette));
         let (center, side) = self.subject.cube();
         let raw = carved(&self.run.targets, mesh, missing.as_ref(), center, side, self.subject.samples()?)?;
         let mut made: Vec<(Mesh, Found)> = Vec::new();
         for share in EDGES {
+            work.goes_on()?;
             let new = evened(&raw, share * edge(mesh)?)?;
-            let found = Found::of(&new, &self.run.targets, settings, renderer)?;
+            let found = Found::of(&new, &self.run.targets, settings, work.renderer)?;
             let is_better = found.replaces(before);
             made.push((new, found));
             if is_better {
@@ -211,10 +210,10 @@ mod tests {
         // A mesh that is farther from the silhouettes gets a trial only if it has fewer faults.
         assert!(found(&[4], 0.0, 0.89).is_less_wrong(&old));
         assert!(![found(&[1, 4], 0.0, 0.89), found(&[0, 1, 4], 0.0, 0.99)].iter().any(|new| new.is_less_wrong(&old)));
-        assert_eq!(old.reasons(&[0, 5, 10, 15, 20]), "covers a hole that is seen in view 5, 20");
+        assert_eq!(old.reasons(|view| format!("{view}.png")), "covers a hole that is seen in 1.png, 4.png");
         let folded = found(&[], 2.0 * GROSS, 0.9);
         assert!(folded.is_wrong() && found(&[], 0.5 * GROSS, 0.9).replaces(&folded));
         assert!(!found(&[2], 0.0, 0.95).replaces(&folded) && !found(&[], 0.0, 0.9).is_wrong());
-        assert_eq!(folded.reasons(&[]), "overlaps itself in 4 % of its volume");
+        assert_eq!(folded.reasons(|_| String::new()), "overlaps itself in 4 % of its volume");
     }
 }

@@ -12,6 +12,7 @@ use crate::{
     pooled,
     subject::Subject,
     unseen::hard,
+    work::{Stage as Part, Work},
 };
 use glam::{DMat3, DMat4, DVec3};
 use softras::{
@@ -62,7 +63,7 @@ struct Stage {
 }
 
 /// Refines the cameras of views that do not agree, and notes by how much.
-pub fn refined(subject: &mut Subject, notes: &mut Vec<String>, renderer: &mut Renderer) -> Result<()> {
+pub fn refined(subject: &mut Subject, work: &mut Work) -> Result<()> {
     let is_rigid = |camera: &Camera| camera.intrinsics((1, 1)).is_some();
     if subject.views.silhouette.is_none()
         || subject.views.cameras.len() < FEWEST
@@ -70,38 +71,40 @@ pub fn refined(subject: &mut Subject, notes: &mut Vec<String>, renderer: &mut Re
     {
         return Ok(());
     }
-    let Some((off, silhouette)) = disagreement(subject, &subject.views, renderer)? else { return Ok(()) };
+    work.begin(Part::Cameras, STAGES.iter().map(|stage| stage.steps).sum())?;
+    let Some((off, silhouette)) = disagreement(subject, &subject.views, work.renderer)? else { return Ok(()) };
+    work.goes_on()?;
     // The silhouettes of a hull agree. What its own hull leaves open is due to samples, as where the object is thin.
     let of_hull = Views { cameras: subject.views.cameras.clone(), silhouette: Some(silhouette), ..Views::default() };
-    let by_samples = disagreement(subject, &of_hull, renderer)?.map_or(0.0, |(off, _)| off);
+    let by_samples = disagreement(subject, &of_hull, work.renderer)?.map_or(0.0, |(off, _)| off);
     if off - by_samples < AGREED {
         return Ok(());
     }
     let given = subject.views.cameras.clone();
     let mut motions = Motions::new(&given, subject.bounds, subject.pixel);
     for stage in STAGES {
-        if !stage.refine(&mut motions, subject, off, renderer)? {
+        if !stage.refine(&mut motions, subject, off, work)? {
             return Ok(());
         }
     }
     subject.views.cameras = motions.cameras(&given)?;
-    let after = disagreement(subject, &subject.views, renderer)?.map(|(after, _)| after);
+    let after = disagreement(subject, &subject.views, work.renderer)?.map(|(after, _)| after);
     if after.is_none_or(|after| after - by_samples > MOST_LEFT * (off - by_samples)) {
         subject.views.cameras = given;
         return Ok(());
     }
     let (mean, after) = (motions.mean(), after.unwrap_or_default());
-    notes.push(format!(
+    work.notes.push(format!(
         "the cameras were off and are now refined: the object moved by {mean:.1} pixels (mean), and the hull lies {after:.1} pixels \
          inside the silhouettes, before {off:.1}"
     ));
-    Ok(())
+    work.goes_on()
 }
 
 impl Stage {
     /// Moves the cameras of an object together with a mesh that begins as its hull, wider by the disagreement in pixels. Whether
     /// there is one.
-    fn refine(&self, motions: &mut Motions, subject: &Subject, off: f64, renderer: &mut Renderer) -> Result<bool> {
+    fn refine(&self, motions: &mut Motions, subject: &Subject, off: f64, work: &mut Work) -> Result<bool> {
         let given = &subject.views.cameras;
         let mut views = shrunk(&subject.views, self.shrink)?;
         let base = views.cameras.clone();
@@ -130,12 +133,13 @@ impl Stage {
             let settings = Settings { sigma: at(self.sigma), ..settings(subject) };
             views.cameras = motions.cameras(&base)?;
             let by_cameras =
-                shape.step_with_cameras(renderer, &settings, &views, (RATE * subject.pixel, COLOR_RATE))?;
+                shape.step_with_cameras(work.renderer, &settings, &views, (RATE * subject.pixel, COLOR_RATE))?;
             if step >= self.waits {
                 let gradient = motions.gradient(given, &by_cameras, self.turns);
                 optimizer.step(&mut motions.values, &gradient, at(self.rate));
                 motions.fix_gauge(given);
             }
+            work.step(None)?;
         }
         Ok(true)
     }

@@ -69,7 +69,7 @@ impl Fitted {
     }
 
     fn figure(&self, view: usize, picture: &Picture) -> Result<String> {
-        let name = self.views.names.get(view).map_or(format!("view {view}"), |name| escaped(name));
+        let name = escaped(&self.views.name(view));
         let is_held = self.scores.held_out.contains(&view);
         let held = if is_held { " <span class=\"held\">held out</span>" } else { "" };
         let caption = format!("{name}: mask IoU {:.4}{held}", self.scores.masks[view]);

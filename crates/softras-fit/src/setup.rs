@@ -5,9 +5,10 @@ use crate::{
     begin::{Begin, begin},
     options::{FitOptions, Preset, Template},
     subject::Subject,
+    work::Work,
 };
 use softras::{
-    Mesh, Renderer, Result, Settings,
+    Mesh, Result, Settings,
     scene::{Appearance, Background, Interpolation},
 };
 
@@ -47,9 +48,9 @@ pub struct Setup {
 
 impl Setup {
     /// Makes the setup that the options ask for.
-    pub fn new(given: FitOptions, subject: &Subject, notes: &mut Vec<String>, renderer: &mut Renderer) -> Result<Self> {
+    pub fn new(given: FitOptions, subject: &Subject, work: &mut Work) -> Result<Self> {
         let official = given.preset == Preset::Official;
-        let begin = begin(&given, subject, notes, renderer)?;
+        let begin = begin(&given, subject, work)?;
         // Rate and sigma. A hull is near to the object, so that σ begins small: soft silhouettes are too large by some √σ, and the
         // mesh ends too small by as much. For one colour under light, where shading shows most of the shape, a larger σ gives better
         // hollows.
@@ -63,7 +64,7 @@ impl Setup {
         let unit = if official { 1.0 } else { subject.bounds.radius / REFERENCE_RADIUS };
         let rate = given.rate.unwrap_or((default.0.0 * unit, default.0.1 * unit));
         let (from, to) = given.edge.unwrap_or((EDGE, EDGE));
-        let iterations = given.iterations.unwrap_or(if begin.hull { HULL_ITERATIONS } else { ITERATIONS });
+        let iterations = iterations(&given, begin.hull);
         // A given mesh keeps its triangles, since that may be the purpose of the fit, and the official method never cuts.
         let recuts = !(given.keep_topology || official || matches!(given.template, Template::Mesh(_)));
         Ok(Self {
@@ -137,6 +138,11 @@ impl Setup {
             ..Settings::default()
         }
     }
+}
+
+/// The number of steps from a hull, or from another mesh.
+pub fn iterations(given: &FitOptions, hull: bool) -> usize {
+    given.iterations.unwrap_or(if hull { HULL_ITERATIONS } else { ITERATIONS })
 }
 
 /// The radius that the cameras of the official data see around the origin; rates are for objects of this size.

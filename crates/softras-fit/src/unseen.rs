@@ -71,10 +71,10 @@ impl Unseen {
         }
     }
 
-    /// What the mesh does wrong, with the views that show it, numbered by `number`.
-    pub fn reasons(&self, number: impl Fn(usize) -> usize) -> Vec<String> {
+    /// What the mesh does wrong, with the names of the views that show it.
+    pub fn reasons(&self, name: impl Fn(usize) -> String) -> Vec<String> {
         let list = |views: &[usize]| {
-            let first: Vec<String> = views.iter().take(8).map(|view| number(*view).to_string()).collect();
+            let first: Vec<String> = views.iter().take(8).map(|view| name(*view)).collect();
             let more = if views.len() > first.len() {
                 format!(" and {} more", views.len() - first.len())
             } else {
@@ -84,10 +84,10 @@ impl Unseen {
         };
         let mut reasons = Vec::new();
         if !self.covered.is_empty() {
-            reasons.push(format!("covers a hole that is seen in view {}", list(&self.covered)));
+            reasons.push(format!("covers a hole that is seen in {}", list(&self.covered)));
         }
         if !self.missed.is_empty() {
-            reasons.push(format!("leaves out a part that is seen in view {}", list(&self.missed)));
+            reasons.push(format!("leaves out a part that is seen in {}", list(&self.missed)));
         }
         reasons
     }
@@ -125,7 +125,7 @@ mod tests {
         let mut unseen = Unseen::default();
         unseen.add(0, &target, &target);
         assert_eq!(unseen, Unseen::default());
-        assert!(unseen.reasons(|view| view).is_empty() && unseen.missing(&target).is_none());
+        assert!(unseen.reasons(|_| String::new()).is_empty() && unseen.missing(&target).is_none());
         unseen.add(3, &picture(|r, c| block(r, c) || part(r, c)), &target);
         unseen.add(4, &picture(|r, c| block(r, c) && !hole(r, c)), &target);
         // A hole that is open to the outside is none, and a smaller one is not reported.
@@ -133,8 +133,8 @@ mod tests {
         unseen.add(5, &picture(block), &open);
         unseen.add(6, &picture(block), &picture(|r, c| block(r, c) && (r, c) != (5, 5)));
         assert_eq!((&unseen.covered[..], &unseen.missed[..]), (&[3][..], &[4][..]));
-        let told = ["covers a hole that is seen in view 6", "leaves out a part that is seen in view 8"];
-        assert_eq!(unseen.reasons(|view| 2 * view), told);
+        let told = ["covers a hole that is seen in 6.png", "leaves out a part that is seen in 8.png"];
+        assert_eq!(unseen.reasons(|view| format!("{}.png", 2 * view)), told);
         // All of the part, in the view that shows it, and nothing else.
         let views = Image { batch: 7, data: target.data.repeat(7), ..target };
         let marks = unseen.missing(&views).map(|marks| marks.data).unwrap_or_default();

@@ -4,9 +4,15 @@
 //! have another colour in each view.
 
 use crate::{
-    cameras, evened, exposure::disagreement, hull::wide_hull, refine::settings, signed_distance, subject::Subject,
+    cameras,
+    exposure::disagreement,
+    hull::{hull, views},
+    refine::settings,
+    signed_distance,
+    subject::Subject,
+    work::{Stage, Work},
 };
-use softras::{Renderer, Result};
+use softras::Result;
 use softras_io::Views;
 
 /// Views from which on a hull is near enough to the object.
@@ -16,31 +22,42 @@ const MOST: f64 = 6.0;
 const STEPS: [f64; 2] = [0.5, 0.25];
 /// Masks are narrowed if colours then differ by at most this share.
 const MOST_LEFT: f64 = 0.8;
-/// Edges of the hull, in pixels.
-const EDGE: f64 = 2.0;
+/// Samples of the hull for each pixel, so few that all samples around an outline tell how far from it they are, and the fewest and the
+/// most of them along a side.
+const SAMPLES: f64 = 0.6;
+const LEAST: usize = 16;
+const FINEST: usize = 112;
 
 /// Narrows the masks of all views by as many pixels as make the colours agree best on their hull, and notes it.
-pub fn narrowed(subject: &mut Subject, notes: &mut Vec<String>, renderer: &mut Renderer) -> Result<()> {
+pub fn narrowed(subject: &mut Subject, work: &mut Work) -> Result<()> {
     if subject.views.color.is_none() || subject.views.cameras.len() < FEWEST {
         return Ok(());
     }
-    let differ = |by: f64, renderer: &mut Renderer| -> Result<Option<f64>> {
-        let ((center, side), pixel) = (subject.cube(), subject.pixel);
-        let hull = wide_hull(&subject.views, center, side, subject.samples()?, -by * pixel);
-        let Ok(Some(hull)) = hull else { return Ok(None) };
-        disagreement(subject, &evened(&hull, EDGE * pixel)?, &settings(subject), renderer)
+    work.begin(Stage::Masks, 0)?;
+    let ((center, side), pixel) = (subject.cube(), subject.pixel);
+    let of_hull = |resolution: usize| hull(&views(&subject.views, 1)?, center, side, resolution, 0.0);
+    let Ok(rough) = of_hull(LEAST) else { return Ok(()) };
+    let extent = LEAST as f64 * rough.step / pixel;
+    let samples = of_hull(((SAMPLES * extent) as usize).clamp(LEAST, FINEST))?;
+    // The hull of narrower masks is where the samples are larger.
+    let mut differ = |by: f64| -> Result<Option<f64>> {
+        work.goes_on()?;
+        let mut narrow = samples.clone();
+        narrow.values.iter_mut().for_each(|x| *x -= (by * pixel) as f32);
+        let Some(mesh) = narrow.mesh()? else { return Ok(None) };
+        disagreement(subject, &mesh, &settings(subject), work.renderer)
     };
-    let Some(given) = differ(0.0, renderer)? else { return Ok(()) };
+    let Some(given) = differ(0.0)? else { return Ok(()) };
     let (mut best, mut by) = ((given, 0.0), 1.0);
     while by <= MOST
-        && let Some(left) = differ(by, renderer)?
+        && let Some(left) = differ(by)?
         && left < best.0
     {
         (best, by) = ((left, by), by + 1.0);
     }
     for step in STEPS {
         for by in [best.1 - step, best.1 + step].into_iter().filter(|by| *by > step) {
-            best = differ(by, renderer)?.filter(|left| *left < best.0).map_or(best, |left| (left, by));
+            best = differ(by)?.filter(|left| *left < best.0).map_or(best, |left| (left, by));
         }
     }
     let (left, by) = best;
@@ -53,11 +70,11 @@ pub fn narrowed(subject: &mut Subject, notes: &mut Vec<String>, renderer: &mut R
         let own = cameras::pixel(&photographs.cameras, subject.bounds.center, photographs.size()?);
         narrow(photographs, by * pixel / own)?;
     }
-    notes.push(format!(
+    work.notes.push(format!(
         "the masks are wider than the object: narrowed by {by} pixels, the colours of the views differ by {left:.3} on their hull, before by \
          {given:.3}"
     ));
-    Ok(())
+    work.goes_on()
 }
 
 /// Takes so many pixels off the masks' rims, and their colours.

@@ -11,7 +11,7 @@ use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use softras::scene::Faces;
-use softras_fit::{Fit, FitOptions, Preset, Scores, Template};
+use softras_fit::{Event, Fit, FitOptions, Preset, Scores, Stage, Template};
 use softras_io::{Budget, Views, ViewsOptions};
 use std::ops::ControlFlow;
 use std::path::PathBuf;
@@ -134,6 +134,42 @@ fn measures(py: Python<'_>, scores: &Scores) -> PyResult<Py<PyDict>> {
     Ok(report.unbind())
 }
 
+/// Who hears what a fit tells, while it works without the interpreter's lock.
+struct Ear {
+    progress: Option<Py<PyAny>>,
+    /// The exception that ends the fit: of Ctrl-C, or of `progress`.
+    failed: Option<PyErr>,
+}
+
+impl Ear {
+    fn hear(&mut self, event: Event<'_>) -> ControlFlow<()> {
+        match Python::attach(|py| self.call(py, event)) {
+            Ok(()) => ControlFlow::Continue(()),
+            Err(error) => {
+                self.failed = Some(error);
+                ControlFlow::Break(())
+            }
+        }
+    }
+
+    fn call(&self, py: Python<'_>, event: Event<'_>) -> PyResult<()> {
+        py.check_signals()?;
+        let Some(progress) = self.progress.as_ref().map(|progress| progress.bind(py)) else { return Ok(()) };
+        match event {
+            Event::Plan(text) | Event::Note(text) if progress.hasattr("note")? => {
+                progress.call_method1("note", (text,))?
+            }
+            Event::Progress(at) => match (at.stage, at.loss) {
+                (Stage::Shape, Some(loss)) => progress.call1((at.taken, loss))?,
+                (Stage::Shape | Stage::Texture | Stage::Scores, _) => return Ok(()),
+                _ => progress.call1((0, f64::NAN))?,
+            },
+            _ => return Ok(()),
+        };
+        Ok(())
+    }
+}
+
 /// The mesh, the losses, the measures and the notes.
 type Found = (Mesh, Py<PyDict>, Py<PyDict>, Vec<String>);
 
@@ -146,15 +182,12 @@ pub fn fit_views<'py>(
 ) -> PyResult<Found> {
     let fit = Fit::new(plan.views()?).raise()?.options(plan.options()?);
     let (shared, page) = (&renderer.shared, plan.report);
-    let mut fitting = shared.call(py, |renderer| fit.begin(renderer))?;
-    while let Some(step) = shared.call(py, |renderer| fitting.step(renderer))? {
-        py.check_signals()?;
-        if let Some(progress) = &progress {
-            progress.call1((step.taken, step.loss))?;
-        }
+    let mut ear = Ear { progress: progress.map(Bound::unbind), failed: None };
+    let fitted = shared.call(py, |renderer| fit.run(renderer, |event| ear.hear(event)));
+    if let Some(error) = ear.failed {
+        return Err(error);
     }
-    let painted = shared.call(py, |renderer| fitting.paint(renderer, &mut |_| ControlFlow::Continue(())))?;
-    let fitted = shared.call(py, |renderer| fitting.finish(painted, renderer))?;
+    let fitted = fitted?;
     if let Some(path) = &page {
         let page = shared.call(py, |renderer| fitted.report("A fit", renderer))?;
         py.detach(|| softras_io::output::write_file(path, page.as_bytes())).raise()?;

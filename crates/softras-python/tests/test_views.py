@@ -61,6 +61,9 @@ def test_a_folder_of_pictures_becomes_a_mesh(tmp_path):
     assert np.abs(views.silhouette - frame.silhouette).max() < 0.01
     steps = []
     fitted = views.fit(color=True, steps=12, progress=lambda step, loss: steps.append((step, loss)))
+    # Before the first step it is called as well.
+    assert steps[0][0] == 0 and np.isnan(steps[0][1])
+    steps = [pair for pair in steps if pair[0]]
     assert [step for step, _ in steps] == list(range(1, 13))
     assert np.allclose([loss for _, loss in steps], fitted.losses["loss"])
     assert fitted.measures["held_out"].tolist() == [] and fitted.measures["held_out_mask_iou"] is None

@@ -2,6 +2,7 @@
 
 use super::{fails, softras, succeeds, words};
 use serde_json::Value;
+use std::io::BufRead;
 use std::path::Path;
 
 pub fn json(path: &Path) -> Value {
@@ -259,6 +260,27 @@ fn an_interrupted_fit_writes_its_best_and_exits_with_130() {
     assert!(interrupted.success());
     assert_eq!(child.wait().unwrap().code(), Some(130));
     assert!(std::fs::read_to_string(folder.path().join("out.obj")).unwrap().lines().any(|line| line.starts_with("f ")));
+}
+
+#[cfg(unix)]
+#[test]
+fn a_fit_can_be_interrupted_before_its_first_step() {
+    let folder = tempfile::tempdir().unwrap();
+    succeeds(folder.path(), &["mesh", "mug", "-o", "mug.obj"]);
+    // The search for hollows takes long.
+    let mut child = std::process::Command::new(env!("CARGO_BIN_EXE_softras"))
+        .current_dir(folder.path())
+        .args("fit --from mug.obj --views 24 --size 64 --color -o out.obj".split_whitespace())
+        .stderr(std::process::Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut lines = std::io::BufReader::new(child.stderr.take().unwrap()).lines().map(Result::unwrap);
+    assert!(lines.any(|line| line.starts_with("progress: hull")));
+    let interrupted = std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    assert!(interrupted.success());
+    assert!(lines.any(|line| line.contains("interrupted before the first step")));
+    assert_eq!(child.wait().unwrap().code(), Some(130));
+    assert!(!folder.path().join("out.obj").exists());
 }
 
 #[test]

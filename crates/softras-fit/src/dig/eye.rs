@@ -1,8 +1,8 @@
 //! Compares a mesh with the given pictures.
 
-use crate::{pooled, sized, subject::Subject};
+use crate::{pooled, sized, subject::Subject, work::Work};
 use softras::{
-    Camera, GradientRequest, Image, ImageGradient, Mesh, Renderer, Result, Scene, Settings, parts,
+    Camera, GradientRequest, Image, ImageGradient, Mesh, Result, Scene, Settings, parts,
     scene::{Appearance, Background, Lights, Outputs, Shading, SurfacePoint},
 };
 use softras_io::Views;
@@ -16,21 +16,21 @@ const PIXELS: usize = 128;
 const VIEWS: usize = 24;
 
 /// What compares a mesh with the pictures.
-pub struct Eye<'a> {
+pub struct Eye<'a, 'w> {
     /// The pictures, with fewer pixels.
     pictures: Image,
     cameras: Vec<Camera>,
     /// The pictures' lights, with face normals: vertex normals are wrong on walls that are one long triangle high.
     lights: Lights,
     settings: Settings,
-    pub renderer: &'a mut Renderer,
+    pub work: &'a mut Work<'w>,
     /// The object's colour.
     pub color: [f32; 3],
 }
 
-impl<'a> Eye<'a> {
+impl<'a, 'w> Eye<'a, 'w> {
     /// `None` without colours.
-    pub fn new(views: &Views, subject: &Subject, renderer: &'a mut Renderer) -> Result<Option<Self>> {
+    pub fn new(views: &Views, subject: &Subject, work: &'a mut Work<'w>) -> Result<Option<Self>> {
         let Views { cameras, color: Some(color), .. } = views.every(views.cameras.len().div_ceil(VIEWS)) else {
             return Ok(None);
         };
@@ -48,16 +48,17 @@ impl<'a> Eye<'a> {
             ..sized(&Settings::default(), (pictures.height, pictures.width), 1)
         };
         let lights = Lights { shading: Shading::Flat, ..subject.lights.clone() };
-        Ok(Some(Self { pictures, cameras, lights, settings, renderer, color: [1.0; 3] }))
+        Ok(Some(Self { pictures, cameras, lights, settings, work, color: [1.0; 3] }))
     }
 
     /// The error of each pixel of a mesh's pictures.
     fn pixels(&mut self, mesh: &Mesh) -> Result<Vec<f32>> {
+        self.work.goes_on()?;
         let mesh = mesh.clone().with_appearance(Appearance::Uniform(self.color))?;
         let scene = Scene::new(mesh).with_lights(self.lights.clone());
         let mut errors = Vec::new();
         let pictures = &self.pictures;
-        parts::in_batches(self.renderer, &scene, &self.cameras, &self.settings, |views, frame| {
+        parts::in_batches(self.work.renderer, &scene, &self.cameras, &self.settings, |views, frame| {
             let shown = frame.color()?.data.chunks_exact(3);
             let pairs = shown.zip(views.flat_map(|view| pictures.view(view).chunks_exact(3)));
             errors.extend(pairs.map(|(a, b)| (0..3).map(|k| (a[k] - b[k]).abs()).sum::<f32>() / 3.0));
@@ -80,11 +81,11 @@ impl<'a> Eye<'a> {
         let Image { height, width, .. } = self.pictures;
         let mut sums = vec![[0.0; 2]; mesh.positions().len()];
         for (camera, errors) in self.cameras.iter().zip(pixels.chunks_exact(height * width)) {
-            let frame = self.renderer.render(&scene, std::slice::from_ref(camera), &settings)?;
+            let frame = self.work.renderer.render(&scene, std::slice::from_ref(camera), &settings)?;
             // The derivative by a vertex's colour sums the errors of its pixels in the first channel, and counts them in the second.
             let data = errors.iter().flat_map(|error| [*error, 1.0, 0.0]).collect();
             let upstream = ImageGradient::color(Image { batch: 1, height, width, channels: 3, data });
-            let gradients = self.renderer.backward(
+            let gradients = self.work.renderer.backward(
                 &frame,
                 &upstream,
                 &GradientRequest { colors: true, ..GradientRequest::NOTHING },

@@ -9,9 +9,9 @@
 mod eye;
 mod surface;
 
-use crate::{color::color_under_light, evened, subject::Subject};
+use crate::{color::color_under_light, evened, subject::Subject, work::Work};
 use eye::Eye;
-use softras::{Mesh, Renderer, Result};
+use softras::{Mesh, Result};
 use softras_io::Views;
 use surface::{Region, Surface};
 
@@ -34,11 +34,11 @@ const GAIN: f64 = 0.97;
 ///
 /// # Errors
 /// Those of rendering and remeshing.
-pub fn dug(hull: Mesh, edge: f64, views: &Views, subject: &Subject, renderer: &mut Renderer) -> Result<(Mesh, usize)> {
-    let Some(mut eye) = Eye::new(views, subject, renderer)? else { return Ok((hull, 0)) };
+pub fn dug(hull: Mesh, edge: f64, views: &Views, subject: &Subject, work: &mut Work) -> Result<(Mesh, usize)> {
+    let Some(mut eye) = Eye::new(views, subject, work)? else { return Ok((hull, 0)) };
     let (mut mesh, mut hollows) = (hull, 0);
     while hollows < MOST_HOLLOWS {
-        eye.color = color_under_light(&mesh, subject, eye.renderer)?;
+        eye.color = color_under_light(&mesh, subject, eye.work.renderer)?;
         let Some(deeper) = deeper(&mesh, &mut eye)? else { break };
         (mesh, hollows) = (evened(&deeper, edge)?, hollows + 1);
     }
@@ -53,13 +53,13 @@ struct Push {
 }
 
 impl Push {
-    fn new(surface: &Surface<'_>, eye: &mut Eye<'_>, region: Region, share: f64) -> Result<Self> {
+    fn new(surface: &Surface<'_>, eye: &mut Eye, region: Region, share: f64) -> Result<Self> {
         let error = eye.error(&surface.pushed(&region, share)?)?;
         Ok(Self { region, share, error })
     }
 
     /// The best push around this one: a step deeper or less deep, then of a region larger or smaller as a whole or at a side.
-    fn refined(self, surface: &Surface<'_>, eye: &mut Eye<'_>, step: f64) -> Result<Self> {
+    fn refined(self, surface: &Surface<'_>, eye: &mut Eye, step: f64) -> Result<Self> {
         let mut best = self;
         for share in [best.share - step, (best.share + step).min(DEEPEST)] {
             let push = Self::new(surface, eye, best.region.clone(), share)?;
@@ -83,7 +83,7 @@ impl Push {
 
 /// The mesh after the best of all pushes; `None` if none leaves less than [`GAIN`] of the error. The triangles around the region
 /// are then as long as the push.
-fn deeper(mesh: &Mesh, eye: &mut Eye<'_>) -> Result<Option<Mesh>> {
+fn deeper(mesh: &Mesh, eye: &mut Eye) -> Result<Option<Mesh>> {
     let error = eye.error(mesh)?;
     let surface = Surface::new(mesh)?;
     let errors = surface.smoothed(eye.errors(mesh)?);

@@ -24,7 +24,7 @@ pub fn around(count: usize) -> Vec<Camera> {
 
 /// The notes of a fit's begin.
 fn notes(views: Views, renderer: &mut Renderer) -> Vec<String> {
-    Fit::new(views).unwrap().begin(renderer).unwrap().take_notes()
+    Fit::new(views).unwrap().begin(renderer, &mut |_| ControlFlow::Continue(())).unwrap().notes().to_vec()
 }
 
 /// A change of a mask.
@@ -87,7 +87,7 @@ fn holes_in_all_masks_drill_no_tunnel() {
             }
         }
     }
-    let fitting = Fit::new(pierced).unwrap().begin(&mut renderer).unwrap();
+    let fitting = Fit::new(pierced).unwrap().begin(&mut renderer, &mut |_| ControlFlow::Continue(())).unwrap();
     let (vertices, triangles) = (fitting.mesh().positions().len(), fitting.mesh().triangles().len());
     // The number of Euler of a closed surface without a tunnel.
     assert_eq!(vertices - triangles / 2, 2);

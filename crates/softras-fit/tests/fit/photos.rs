@@ -5,7 +5,7 @@ use crate::doubt::{around, solid, views};
 use crate::meshes::{PERSPECTIVE, mapped};
 use glam::{DMat4, DVec3};
 use softras::{Camera, Mesh, Projection, Renderer, Scene, Settings, scene::Appearance, shapes};
-use softras_fit::{Film, Fit, FitOptions, Fitted, Voxels};
+use softras_fit::{Event, Film, Fit, FitOptions, Fitted, Stage, Told, Voxels};
 use softras_io::{PictureFile, Views};
 use std::ops::ControlFlow;
 
@@ -141,11 +141,12 @@ fn cameras_in_pixels_are_those_with_an_angle() {
     let mut made = |views: &Views| {
         let mut fit = Fit::new(views.clone()).unwrap().color();
         (fit.options.iterations, fit.options.samples, fit.options.texture) = (Some(3), 2, Some(256));
-        let mut fitting = fit.begin(&mut renderer).unwrap();
+        let told: &mut Told = &mut |_| ControlFlow::Continue(());
+        let mut fitting = fit.begin(&mut renderer, told).unwrap();
         let mut film = Film::new(&fitting).unwrap();
         film.add(&fitting.mesh().clone(), &mut renderer).unwrap();
-        while fitting.step(&mut renderer).unwrap().is_some() {}
-        let painted = fitting.paint(&mut renderer, &mut |_| ControlFlow::Continue(())).unwrap();
+        while fitting.step(&mut renderer, told).unwrap() {}
+        let painted = fitting.paint(&mut renderer, told).unwrap();
         let path = std::env::temp_dir().join(format!("softras_film_{}.gif", std::process::id()));
         film.write(&path).unwrap();
         let shown = PictureFile::open(&path).unwrap().decode(&path).unwrap().into_rgb8();
@@ -239,6 +240,48 @@ fn masks_that_are_wider_than_the_object_are_narrowed_by_colours() {
     };
     let (clean, narrowed) = (found(&good), found(&wide));
     assert!(!clean.1 && narrowed.1 && (narrowed.0 / clean.0 - 1.0).abs() < 0.05, "{clean:?} {narrowed:?}");
+}
+
+#[test]
+fn a_fit_tells_what_it_does_from_the_first_second_on_and_can_be_ended_there() {
+    let mut renderer = renderer();
+    let squares = |p: [f32; 3]| p.map(|x| if (9.0 * x).rem_euclid(2.0) < 1.0 { 0.8 } else { 0.2 });
+    let mut views = colored(&mut renderer, around(9), 48, squares);
+    views.silhouette.as_mut().unwrap().data[2 * 48 * 48..3 * 48 * 48].fill(0.0);
+    let fit = Fit::new(views).unwrap().color().options(FitOptions { texture: Some(256), ..FitOptions::default() });
+    let (mut stages, mut notes, mut plans) = (Vec::new(), Vec::new(), Vec::new());
+    let mut hear = |event: Event<'_>| {
+        match event {
+            Event::Progress(at) => stages.push(at.stage),
+            Event::Note(text) => notes.push((stages.last().copied(), text.to_string())),
+            Event::Plan(text) => plans.push(text.to_string()),
+        }
+        ControlFlow::Continue(())
+    };
+    let mut all = fit.clone();
+    all.options.iterations = Some(2);
+    let fitted = all.run(&mut renderer, &mut hear).unwrap();
+    let given: Vec<&String> = notes.iter().map(|(_, text)| text).collect();
+    assert!(given.len() > 1 && given.into_iter().eq(&fitted.notes), "{notes:?} {:?}", fitted.notes);
+    assert_eq!(notes[0], (Some(Stage::Views), "view 2 shows nothing of the object: it is left out".into()));
+    let plan = "9 views of 48×48 pixels are fitted: 2 steps from their hull, then a texture; about ";
+    assert!(plans.len() == 1 && plans[0].starts_with(plan), "{plans:?}");
+    stages.dedup();
+    let order = [Stage::Views, Stage::Cameras, Stage::Masks, Stage::Start, Stage::Shape, Stage::Texture];
+    assert_eq!(stages, order);
+    for last in order {
+        let mut hear = |event: Event<'_>| match event {
+            Event::Progress(at) if at.stage == last => ControlFlow::Break(()),
+            _ => ControlFlow::Continue(()),
+        };
+        let mut ended = fit.clone();
+        ended.options.iterations = Some(if last == Stage::Texture { 1 } else { 1_000_000 });
+        match (ended.run(&mut renderer, &mut hear), last) {
+            (Ok(fitted), Stage::Shape) => assert!(!fitted.is_complete && fitted.steps.len() == 1, "{:?}", fitted.steps),
+            (Ok(fitted), Stage::Texture) => assert!(!fitted.is_complete && fitted.painted.unwrap().losses.len() < 2),
+            (ended, _) => assert!(ended.is_err_and(|error| error.to_string().contains("stopped")), "{last}"),
+        }
+    }
 }
 
 #[test]

@@ -163,6 +163,11 @@ impl Views {
         })
     }
 
+    /// The name of a view's picture, or the view's number.
+    pub fn name(&self, view: usize) -> String {
+        self.names.get(view).cloned().unwrap_or_else(|| format!("view {view}"))
+    }
+
     /// Every `stride`-th view.
     pub fn every(&self, stride: usize) -> Self {
         let views: Vec<usize> = (0..self.cameras.len()).step_by(stride.max(1)).collect();

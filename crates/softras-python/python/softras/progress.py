@@ -25,7 +25,9 @@ def shown(progress: Progress, steps: Optional[int]) -> Iterator[Optional[Call]]:
     with tqdm(total=steps, unit="step") as bar:
 
         def move(step: int, loss: float) -> None:
-            bar.set_postfix(loss=f"{loss:.4g}", refresh=False)
+            if step:
+                bar.set_postfix(loss=f"{loss:.4g}", refresh=False)
             bar.update(step - bar.n)
 
+        move.note = bar.write  # type: ignore[attr-defined]
         yield move

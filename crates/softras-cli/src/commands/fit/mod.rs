@@ -9,12 +9,12 @@ use super::progress::Progress;
 use super::{Failure, note};
 use args::FitArgs;
 use softras::{Mesh, Renderer, scene::Appearance};
-use softras_fit::{Film, Fit, Fitting, Painted, Subject, Template};
+use softras_fit::{Event, Film, Fit, Fitting, Painted, Subject, Template};
 use softras_io::{Budget, Loaded, Map, SaveOptions, Views, output};
 use std::{
     ops::ControlFlow,
     path::{Path, PathBuf},
-    sync::atomic::Ordering,
+    sync::atomic::{AtomicBool, Ordering},
 };
 
 const CHECKPOINT_STEPS: usize = 100;
@@ -32,14 +32,24 @@ pub fn run(args: &FitArgs) -> Result<(), Failure> {
     let save = |mesh: &Mesh| softras_io::save_with(mesh, out, &SaveOptions { origin, ..SaveOptions::default() });
     let template = template(args, &outputs, &budget, &renderer, origin)?;
     let subject = subject(args, from, &outputs, &budget, &mut renderer)?;
-    let mut fitting = Fit { subject, options: args.options(template) }.begin(&mut renderer)?;
-    tell(&mut fitting);
+    let stop = super::interrupted()?;
+    let told = Progress::spinner("views");
+    let begun =
+        Fit { subject, options: args.options(template) }.begin(&mut renderer, &mut |event| tell(&told, event, stop));
+    drop(told);
+    let mut fitting = match begun {
+        Err(_) if stop.load(Ordering::Relaxed) => {
+            note("interrupted before the first step: no mesh is written");
+            return Err(Failure::Interrupted);
+        }
+        begun => begun?,
+    };
     if let Some(path) = files.checkpoint.as_ref().filter(|path| files.resume && path.exists()) {
         let step = fitting.resume(path, Budget::new(args.read.memory))?;
         note(&format!("going on from step {step} of {}", path.display()));
     }
     let mut film = files.gif.is_some().then(|| Film::new(&fitting)).transpose()?;
-    let painted = match work(args, &mut fitting, &mut film, &mut renderer) {
+    let painted = match work(args, &mut fitting, &mut film, &mut renderer, stop) {
         Ok(painted) => painted,
         Err(failure) => {
             // The best mesh found before the error is still written.
@@ -147,8 +157,13 @@ fn subject(
     Ok(subject)
 }
 
-fn tell(fitting: &mut Fitting) {
-    fitting.take_notes().iter().for_each(|text| note(text));
+/// Shows what a fit tells. Ctrl-C ends it.
+fn tell(progress: &Progress, event: Event<'_>, stop: &AtomicBool) -> ControlFlow<()> {
+    match event {
+        Event::Plan(text) | Event::Note(text) => progress.note(text),
+        Event::Progress(at) => progress.at(&at.stage.to_string(), at.taken, at.of, at.loss),
+    }
+    if stop.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
 }
 
 /// Takes all steps, or those until Ctrl-C, and makes the texture after them.
@@ -157,19 +172,12 @@ fn work(
     fitting: &mut Fitting,
     film: &mut Option<Film>,
     renderer: &mut Renderer,
+    stop: &AtomicBool,
 ) -> Result<Option<Painted>, Failure> {
-    let stop = super::interrupted()?;
     let (first, count) = (fitting.next_step(), fitting.step_count());
-    let progress = Progress::counted("step", count);
-    progress.done(first);
+    let progress = Progress::spinner("step");
     loop {
         let at = fitting.next_step();
-        if stop.load(Ordering::Relaxed) && at < count {
-            drop(progress);
-            note(&format!("interrupted before step {at}: this is the best so far"));
-            end(args, fitting, film, renderer)?;
-            return Ok(None);
-        }
         // The first state needs no checkpoint: it is that of the template, or of the checkpoint that was read.
         if at > first && at < count && at.is_multiple_of(CHECKPOINT_STEPS) {
             write_checkpoint(args, fitting)?;
@@ -177,22 +185,16 @@ fn work(
         if let Some(film) = film.as_mut().filter(|film| film.shows(at) && at < count) {
             film.add(fitting.mesh(), renderer)?;
         }
-        let Some(step) = fitting.step(renderer)? else { break };
-        tell(fitting);
-        progress.tell(format!("loss {:.5}", step.loss));
-        progress.step();
+        if !fitting.step(renderer, &mut |event| tell(&progress, event, stop))? {
+            break;
+        }
     }
-    drop(progress);
+    let at = fitting.next_step();
+    if at < count {
+        progress.note(&format!("interrupted before step {at}: this is the best so far"));
+    }
     end(args, fitting, film, renderer)?;
-    let mut progress = None;
-    let painted = fitting.paint(renderer, &mut |step| {
-        let progress = progress.get_or_insert_with(|| Progress::counted("texture step", step.of));
-        progress.tell(format!("loss of colours {:.5}", step.loss));
-        progress.step();
-        if stop.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-    })?;
-    drop(progress);
-    tell(fitting);
+    let painted = fitting.paint(renderer, &mut |event| tell(&progress, event, stop))?;
     if let (Some(film), Some(painted)) = (film, &painted) {
         film.add(&painted.mesh, renderer)?;
     }

@@ -72,7 +72,7 @@ fn name(regularizer: Regularizer) -> &'static str {
 pub fn tell(out: &Path, fitted: &Fitted) -> Result<(), Failure> {
     let (vertices, triangles) = (fitted.mesh.positions().len(), fitted.mesh.triangles().len());
     let least = fitted.losses().iter().map(|l| l.1).fold(f64::INFINITY, f64::min);
-    for reason in fitted.scores.unseen.reasons(|view| view) {
+    for reason in fitted.scores.unseen.reasons(|view| fitted.views.name(view)) {
         note(&format!("the mesh {reason} (--template hull begins with the holes and parts of the silhouettes)"));
     }
     let time = fitted.seconds_per_step().map_or(String::new(), |s| format!(", {:.1} ms a step", s * 1e3));
