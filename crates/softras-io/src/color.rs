@@ -1,10 +1,7 @@
 //! Conversion between the renderer's numbers and the bytes of picture files.
 
 use crate::{notes::Notes, texture::linear_from_srgb};
-use softras::{
-    Mesh, Result,
-    scene::{Appearance, Texture},
-};
+use softras::Mesh;
 
 /// The curve by which numbers are encoded as bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -89,20 +86,4 @@ pub(crate) fn settle(colors: &mut [[f32; 3]], most: Option<f32>, srgb: bool, not
         let one = |x: f32| if srgb { linear_from_srgb(byte(x) / top) } else { byte(x) / top };
         *color = if is_color(color) { color.map(one) } else { [1.0; 3] };
     }
-}
-
-/// The mesh with its textures encoded as in picture files, in sRGB and 256 steps: the inverse of reading them as linear
-/// light.
-pub(crate) fn encoded(mesh: &Mesh) -> Result<Mesh> {
-    let Appearance::Textured { uvs, uv_triangles, textures, texture_of_triangle } = mesh.appearance() else {
-        return Ok(mesh.clone());
-    };
-    let byte = |x: f32| ((Curve::Srgb.encode(f64::from(x)) * 255.0).round() / 255.0) as f32;
-    let one = |t: &Texture| t.with_texels(t.texels().iter().map(|texel| texel.map(byte)).collect());
-    mesh.clone().with_appearance(Appearance::Textured {
-        uvs: uvs.clone(),
-        uv_triangles: uv_triangles.clone(),
-        textures: textures.iter().map(one).collect::<Result<_>>()?,
-        texture_of_triangle: texture_of_triangle.clone(),
-    })
 }

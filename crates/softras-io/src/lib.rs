@@ -43,6 +43,7 @@ mod texture;
 mod textures;
 mod views;
 mod weld;
+mod written;
 
 pub use budget::Budget;
 pub use color::Curve;
@@ -56,10 +57,10 @@ pub use views::{Map, Views, ViewsOptions, read_picture};
 use softras::{Error, Mesh, Result};
 use source::Source;
 use std::{
-    borrow::Cow,
     io::{self, Read},
     path::{Path, PathBuf},
 };
+use written::Written;
 
 /// Reads a mesh file: [`load_with`] without options, at its place in the file. Notes are lost.
 ///
@@ -151,34 +152,49 @@ impl Default for SaveOptions {
 /// Writes a mesh in the format of the path's ending. Positions and UVs keep all their digits.
 /// - .obj: vertices in their order, vertex colours in the `v` lines with all their digits, as sRGB, other colours in `NAME.mtl`, textures in
 ///   `NAME_texture.png` (or `NAME_texture_0.png`, `NAME_texture_1.png`, ..).
-/// - .ply: binary; vertices in their order, normals, colours in bytes, one texture in `NAME_texture.png`.
-/// - .glb: everything in one file; a vertex is repeated for each of its UVs, and with colours by face for each of its faces.
+/// - .ply: binary; vertices in their order, colours in bytes, textures as of .obj, which repeat.
+/// - .glb: everything in one file; a vertex is repeated for each of its UVs and normals, and with colours by face for each of its faces.
+///
+/// Normals of vertices are written in all of them.
 ///
 /// Each file appears whole or not at all; the mesh file comes last, when those that it names are complete. Returns the files
 /// written, the mesh file last.
 ///
 /// # Errors
 /// [`Error::File`] for other endings; [`Error::Io`]; [`Error::Mesh`] for what the format cannot hold: surface textures of more than
-/// one cell, texels outside [0, 1], several textures in a .ply file.
+/// one cell, and without `srgb` texels outside [0, 1].
 pub fn save_with(mesh: &Mesh, path: impl AsRef<Path>, options: &SaveOptions) -> Result<Vec<PathBuf>> {
-    let path = path.as_ref();
-    let encoded = if options.srgb { Cow::Owned(color::encoded(mesh)?) } else { Cow::Borrowed(mesh) };
-    let curve = if options.srgb { Curve::Srgb } else { Curve::Raw };
-    let is_binary = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("glb"));
-    let files = match by_ending(path) {
-        Some(Format::Obj) => obj::files_of(&encoded, path, curve, options.origin)?,
-        Some(Format::Ply) => ply::files_of(&encoded, path, curve, options.origin)?,
-        Some(Format::Gltf) if is_binary => vec![(path.to_path_buf(), gltf::glb(&encoded, options.origin)?)],
-        _ => {
-            return Err(fault(
-                path,
-                "not a name of a mesh file to write",
-                "give a name that ends in .obj, .ply or .glb",
-            ));
-        }
-    };
+    let (files, _) = encoded(Written::new(mesh, options)?, path.as_ref())?;
     output::write_files(&files)?;
     Ok(files.into_iter().map(|(path, _)| path).collect())
+}
+
+/// Files with their content, the one that names the others last, and notes on what their format does not hold.
+pub type Encoded = (Vec<(PathBuf, Vec<u8>)>, Vec<String>);
+
+impl Loaded {
+    /// The files of all that was read in the format of the path's ending, for [`output::write_files`]: the mesh at its place, with the
+    /// normals of its corners, the opacity of its triangles and whether light shades it.
+    ///
+    /// # Errors
+    /// Those of [`save_with`].
+    pub fn encode(&self, path: impl AsRef<Path>) -> Result<Encoded> {
+        encoded(Written::of(self)?, path.as_ref())
+    }
+}
+
+fn encoded(mut mesh: Written, path: &Path) -> Result<Encoded> {
+    let is_binary = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("glb"));
+    let files = match by_ending(path) {
+        Some(Format::Obj) => obj::files_of(&mut mesh, path)?,
+        Some(Format::Ply) => ply::files_of(&mut mesh, path)?,
+        Some(Format::Gltf) if is_binary => vec![(path.to_path_buf(), gltf::glb(&mut mesh)?)],
+        _ => {
+            let what = "not a name of a mesh file to write";
+            return Err(fault(path, what, "give a name that ends in .obj, .ply or .glb"));
+        }
+    };
+    Ok((files, mesh.notes))
 }
 
 /// A format of mesh files.

@@ -3,6 +3,7 @@
 mod bench;
 mod check;
 mod complete;
+mod convert;
 mod describe;
 mod devices;
 mod fit;
@@ -69,6 +70,7 @@ pub enum Command {
     Grad(Box<grad::args::GradArgs>),
     Pose(Box<pose::args::PoseArgs>),
     Mesh(mesh::MeshArgs),
+    Convert(convert::ConvertArgs),
     Info(info::InfoArgs),
     Iou(iou::IouArgs),
     Devices(devices::DevicesArgs),
@@ -134,6 +136,7 @@ fn run_command(cli: &Cli) -> Result<(), Failure> {
         Command::Devices(args) => devices::run(args),
         Command::Mesh(args) => mesh::run(args),
         Command::Fit(args) => fit::run(args),
+        Command::Convert(args) => convert::run(args),
         Command::Info(args) => info::run(args),
         Command::Iou(args) => iou::run(args),
         Command::Pose(args) => pose::run(args),

@@ -112,6 +112,7 @@ fn no_command_overwrites_what_it_reads() {
     refused("fit --from fish.obj --template fish.obj --views 1 --size 8 -o out.obj --json fish.mtl", "fish.mtl");
     refused("pose --mesh fish.obj --image fish.png -o fish.obj", "fish.obj");
     refused("bench fish.obj --json fish.mtl", "fish.mtl");
+    refused("convert fish.obj fish.obj", "fish.obj");
     let twice = ["fit", "--from", "fish.obj", "-o", "out.obj", "--json", "a.png", "--plot", "./a.png"];
     fails(folder.path(), &twice, 2, &["a.png", "twice"]);
     assert_eq!(files.map(|file| fs::read(folder.path().join(file)).unwrap()), before);
@@ -133,6 +134,18 @@ fn every_command_reads_every_format_and_names_them() {
     };
     let expected = picture("mesh.obj");
     assert!(picture("mesh.ply") == expected && picture("mesh.stl") == expected);
+    assert_eq!(succeeds(folder.path(), &["convert", "mesh.stl", "out.glb", "--strict"]), "out.glb: 1 triangles\n");
+    assert!(picture("out.glb") == expected);
+    fs::write(at("glass.obj"), "mtllib glass.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl a\nf 1 2 3\n").unwrap();
+    fs::write(at("glass.mtl"), "newmtl a\nKd 1 0 0\nd 0.5\n").unwrap();
+    fails(
+        folder.path(),
+        &["convert", "glass.obj", "glass.ply", "--strict"],
+        1,
+        &["glass.ply: PLY files hold no opacity", "--strict"],
+    );
+    assert!(!at("glass.ply").exists());
+    succeeds(folder.path(), &["convert", "glass.obj", "glass.ply"]);
     succeeds(folder.path(), &["bench", "mesh.stl", "--quick", "--size", "8", "--modes", "silhouette"]);
     succeeds(folder.path(), &["iou", "mesh.stl", "mesh.ply", "--resolution", "2"]);
     let info = succeeds(folder.path(), &["info", "mesh.stl"]);

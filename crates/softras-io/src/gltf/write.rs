@@ -1,12 +1,13 @@
 //! Writes meshes as binary glTF files, with everything in one file.
 
-use crate::{obj::png, several_cells};
+use crate::{obj::png, several_cells, written::Written};
+use glam::DVec3;
 use serde_json::{Map, Value, json};
 use softras::{
-    Mesh, Result,
+    Result,
     scene::{Appearance, Texture, Wrap},
 };
-use std::collections::HashMap;
+use std::collections::BTreeMap;
 
 /// Numbers of glTF's types: 32-bit floats and unsigned integers; of its modes of wrapping; and of its filters.
 const FLOAT: u32 = 5126;
@@ -16,70 +17,32 @@ const REPEAT: u32 = 10497;
 const LINEAR: u32 = 9729;
 const MIPMAPS: u32 = 9987;
 
-/// The content of a .glb file. Colours and factors are linear in glTF, images are sRGB.
+/// A vertex of the file: those of the mesh and of its UVs, and the bits of its normal and of its colour with alpha.
+type Corner = (u32, u32, [u32; 3], [u32; 4]);
+
+/// The content of a .glb file. Colours and factors are linear in glTF, images are sRGB. A vertex is repeated for each of its UVs,
+/// normals and colours.
 ///
 /// # Errors
 /// [`softras::Error::Mesh`] for surface textures of more than one cell, and texels outside [0, 1].
-pub fn glb(mesh: &Mesh, origin: [f64; 3]) -> Result<Vec<u8>> {
-    let mut file = File::default();
-    let triangles = mesh.triangles();
-    let positions = |vertices: &mut dyn Iterator<Item = u32>| -> Vec<[f32; 3]> {
-        vertices.map(|vertex| mesh.positions()[vertex as usize]).collect()
-    };
-    let all = positions(&mut (0..mesh.positions().len() as u32));
-    let mut primitives = Vec::new();
-    match mesh.appearance() {
-        Appearance::Uniform(color) => {
-            let material = file.material(json!({ "baseColorFactor": [color[0], color[1], color[2], 1.0] }), false);
-            let mut attributes = json!({ "POSITION": file.positions(&all) });
-            file.add_normals(mesh, &mut attributes);
-            primitives.push(file.primitive(attributes, triangles, material));
-        }
-        Appearance::VertexColors(colors) => {
-            let material = file.material(json!({}), false);
-            let mut attributes = json!({ "POSITION": file.positions(&all), "COLOR_0": file.floats(colors, "VEC3") });
-            file.add_normals(mesh, &mut attributes);
-            primitives.push(file.primitive(attributes, triangles, material));
-        }
-        Appearance::Surface { resolution: 1, texels } => {
-            let material = file.material(json!({}), false);
-            let corners = positions(&mut triangles.iter().flatten().copied());
-            let colors: Vec<[f32; 3]> = texels.iter().flat_map(|color| [*color; 3]).collect();
-            let attributes = json!({ "POSITION": file.positions(&corners), "COLOR_0": file.floats(&colors, "VEC3") });
-            let own: Vec<[u32; 3]> = (0..triangles.len() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
-            primitives.push(file.primitive(attributes, &own, material));
-        }
-        Appearance::Surface { resolution, .. } => return Err(several_cells(*resolution, "glTF")),
-        Appearance::Textured { uvs, uv_triangles, textures, texture_of_triangle } => {
-            for (index, texture) in textures.iter().enumerate() {
-                let of = |t: &usize| texture_of_triangle.get(*t).copied().unwrap_or_default() as usize == index;
-                let (mut corners, mut index_of, mut own) = (Vec::new(), HashMap::new(), Vec::new());
-                for t in (0..triangles.len()).filter(of) {
-                    own.push([0, 1, 2].map(|k| {
-                        let corner = (triangles[t][k], uv_triangles[t][k]);
-                        *index_of.entry(corner).or_insert_with(|| {
-                            corners.push(corner);
-                            corners.len() as u32 - 1
-                        })
-                    }));
-                }
-                if own.is_empty() {
-                    continue;
-                }
-                // Smaller copies of an image mix charts of single triangles.
-                let are_single = corners.len() == 3 * own.len();
-                let material = file.textured(texture, !are_single)?;
-                // v runs down in glTF.
-                let uvs: Vec<[f32; 2]> =
-                    corners.iter().map(|(_, uv)| uvs[*uv as usize]).map(|[u, v]| [u, 1.0 - v]).collect();
-                let placed = positions(&mut corners.iter().map(|(vertex, _)| *vertex));
-                let attributes =
-                    json!({ "POSITION": file.positions(&placed), "TEXCOORD_0": file.floats(&uvs, "VEC2") });
-                primitives.push(file.primitive(attributes, &own, material));
-            }
-        }
+pub fn glb(written: &mut Written) -> Result<Vec<u8>> {
+    written.lose_single_normals();
+    let mesh = &written.mesh;
+    if let Appearance::Surface { resolution, .. } = mesh.appearance()
+        && *resolution > 1
+    {
+        return Err(several_cells(*resolution, "glTF"));
     }
-    Ok(file.finished(primitives, origin))
+    // Triangles of one texture that blend or do not, with normals or without.
+    let mut groups: BTreeMap<(Option<usize>, bool, bool), Vec<usize>> = BTreeMap::new();
+    for t in 0..mesh.triangles().len() {
+        let group = (written.texture_of(t), written.opacity_of(t) < 1.0, written.normals_of(t).is_some());
+        groups.entry(group).or_default().push(t);
+    }
+    let mut file = File::default();
+    let primitives = groups.into_iter().map(|(look, group)| file.primitive(written, look, &group));
+    let primitives = primitives.collect::<Result<_>>()?;
+    Ok(file.finished(primitives, written))
 }
 
 /// A file that is being put together.
@@ -87,9 +50,74 @@ pub fn glb(mesh: &Mesh, origin: [f64; 3]) -> Result<Vec<u8>> {
 struct File {
     bytes: Vec<u8>,
     root: Map<String, Value>,
+    /// The textures that are written, with their places in the file.
+    textures: BTreeMap<usize, usize>,
 }
 
 impl File {
+    /// Adds some triangles of one look: texture, whether they blend, and whether they have normals.
+    fn primitive(
+        &mut self,
+        written: &Written,
+        (texture, blends, has_normals): (Option<usize>, bool, bool),
+        group: &[usize],
+    ) -> Result<Value> {
+        let (mesh, appearance) = (&written.mesh, written.mesh.appearance());
+        let is_varied = matches!(appearance, Appearance::VertexColors(_) | Appearance::Surface { .. });
+        let has_colors = is_varied || !written.opacity.is_empty();
+        let corner = |t: usize, k: usize| -> Corner {
+            let vertex = mesh.triangles()[t][k];
+            let uv = if let Appearance::Textured { uv_triangles, .. } = appearance { uv_triangles[t][k] } else { 0 };
+            let normal = if let Some(normals) = written.normals_of(t) { unit(normals[k]) } else { [0.0; 3] };
+            let [r, g, b] = match appearance {
+                Appearance::VertexColors(colors) => colors[vertex as usize],
+                Appearance::Surface { texels, .. } => texels[t],
+                _ => [1.0; 3],
+            };
+            (vertex, uv, normal.map(f32::to_bits), [r, g, b, written.opacity_of(t)].map(f32::to_bits))
+        };
+        let mut index: BTreeMap<Corner, u32> =
+            group.iter().flat_map(|&t| [0, 1, 2].map(|k| (corner(t, k), 0))).collect();
+        index.values_mut().zip(0..).for_each(|(index, i)| *index = i);
+        let triangles: Vec<[u32; 3]> = group.iter().map(|&t| [0, 1, 2].map(|k| index[&corner(t, k)])).collect();
+        let corners: Vec<Corner> = index.into_keys().collect();
+        let positions: Vec<[f32; 3]> = corners.iter().map(|corner| mesh.positions()[corner.0 as usize]).collect();
+        let mut attributes = json!({ "POSITION": self.positions(&positions) });
+        if let Appearance::Textured { uvs, .. } = appearance {
+            // v runs down in glTF.
+            let flipped = |corner: &Corner| [uvs[corner.1 as usize][0], 1.0 - uvs[corner.1 as usize][1]];
+            attributes["TEXCOORD_0"] = self.floats(&corners.iter().map(flipped).collect::<Vec<_>>(), "VEC2").into();
+        }
+        if has_normals {
+            let normals: Vec<[f32; 3]> = corners.iter().map(|corner| corner.2.map(f32::from_bits)).collect();
+            attributes["NORMAL"] = self.floats(&normals, "VEC3").into();
+        }
+        let colors = corners.iter().map(|corner| corner.3.map(f32::from_bits));
+        if has_colors && written.opacity.is_empty() {
+            let colors: Vec<[f32; 3]> = colors.map(|[r, g, b, _]| [r, g, b]).collect();
+            attributes["COLOR_0"] = self.floats(&colors, "VEC3").into();
+        } else if has_colors {
+            attributes["COLOR_0"] = self.floats(&colors.collect::<Vec<_>>(), "VEC4").into();
+        }
+        let (mut look, mut blends) = (json!({}), blends);
+        match (appearance, texture) {
+            (Appearance::Textured { textures, .. }, Some(i)) => {
+                // Smaller copies of an image mix charts of single triangles.
+                let are_single = corners.len() == 3 * group.len();
+                look["baseColorTexture"]["index"] = self.texture(i, &textures[i], !are_single)?.into();
+                blends |= textures[i].alpha().is_some();
+            }
+            (Appearance::Uniform([r, g, b]), _) => look["baseColorFactor"] = json!([r, g, b, 1.0]),
+            _ => {}
+        }
+        let material = self.material(look, blends, written.unlit);
+        let bytes: Vec<u8> = triangles.as_flattened().iter().flat_map(|i| i.to_le_bytes()).collect();
+        let (view, count) = (self.view(&bytes), 3 * triangles.len());
+        let accessor = json!({ "bufferView": view, "componentType": UNSIGNED, "count": count, "type": "SCALAR" });
+        let indices = self.push("accessors", accessor);
+        Ok(json!({ "attributes": attributes, "indices": indices, "material": material }))
+    }
+
     /// Adds a value to a list of the root, and returns its number.
     fn push(&mut self, list: &str, value: Value) -> usize {
         let list = self.root.entry(list).or_insert(json!([])).as_array_mut();
@@ -124,32 +152,23 @@ impl File {
         accessor
     }
 
-    /// Writes the mesh's own normals if every vertex has one. A normal of 0, which leaves it to the triangles, has no form in glTF.
-    fn add_normals(&mut self, mesh: &Mesh, attributes: &mut Value) {
-        if !mesh.normals().is_empty() && mesh.normals().iter().all(|normal| *normal != [0.0; 3]) {
-            attributes["NORMAL"] = self.floats(mesh.normals(), "VEC3").into();
-        }
-    }
-
-    fn primitive(&mut self, attributes: Value, triangles: &[[u32; 3]], material: usize) -> Value {
-        let bytes: Vec<u8> = triangles.as_flattened().iter().flat_map(|i| i.to_le_bytes()).collect();
-        let (view, count) = (self.view(&bytes), 3 * triangles.len());
-        let accessor = json!({ "bufferView": view, "componentType": UNSIGNED, "count": count, "type": "SCALAR" });
-        let indices = self.push("accessors", accessor);
-        json!({ "attributes": attributes, "indices": indices, "material": material })
-    }
-
-    fn material(&mut self, mut look: Value, blends: bool) -> usize {
+    fn material(&mut self, mut look: Value, blends: bool, unlit: bool) -> usize {
         look["metallicFactor"] = 0.into();
         look["roughnessFactor"] = 1.into();
         let mut material = json!({ "pbrMetallicRoughness": look, "doubleSided": true });
         if blends {
             material["alphaMode"] = "BLEND".into();
         }
+        if unlit {
+            material["extensions"]["KHR_materials_unlit"] = json!({});
+        }
         self.push("materials", material)
     }
 
-    fn textured(&mut self, texture: &Texture, mipmaps: bool) -> Result<usize> {
+    fn texture(&mut self, number: usize, texture: &Texture, mipmaps: bool) -> Result<usize> {
+        if let Some(known) = self.textures.get(&number) {
+            return Ok(*known);
+        }
         let view = self.view(&png(texture)?);
         let image = self.push("images", json!({ "bufferView": view, "mimeType": "image/png" }));
         let wrap = if texture.wrap() == Wrap::Clamp { CLAMP } else { REPEAT };
@@ -157,13 +176,17 @@ impl File {
         let sampler = json!({ "wrapS": wrap, "wrapT": wrap, "magFilter": LINEAR, "minFilter": filter });
         let sampler = self.push("samplers", sampler);
         let index = self.push("textures", json!({ "source": image, "sampler": sampler }));
-        Ok(self.material(json!({ "baseColorTexture": { "index": index } }), texture.alpha().is_some()))
+        self.textures.insert(number, index);
+        Ok(index)
     }
 
-    fn finished(mut self, primitives: Vec<Value>, origin: [f64; 3]) -> Vec<u8> {
+    fn finished(mut self, primitives: Vec<Value>, written: &Written) -> Vec<u8> {
         let mut node = json!({ "mesh": 0 });
-        if origin != [0.0; 3] {
-            node["translation"] = json!(origin);
+        if written.origin != [0.0; 3] {
+            node["translation"] = json!(written.origin);
+        }
+        if written.unlit {
+            self.root.insert("extensionsUsed".into(), json!(["KHR_materials_unlit"]));
         }
         for (name, value) in [
             ("asset", json!({ "version": "2.0", "generator": "softras" })),
@@ -187,4 +210,9 @@ impl File {
         }
         file
     }
+}
+
+/// A normal as glTF has it, of length 1.
+fn unit(normal: [f32; 3]) -> [f32; 3] {
+    DVec3::from(normal.map(f64::from)).normalize_or_zero().as_vec3().to_array()
 }

@@ -3,7 +3,7 @@
 //! The crate tobj is not used because it cannot keep what [`load`](super::load) promises: it drops unused vertices and
 //! renumbers the others, and its errors have no line numbers. Worse, it reads some files wrongly without an error: it takes
 //! `f 1 2` for a line, invents the UV of a corner that has none, shifts vertex colours when only some vertices have one, and
-//! overflows on a huge UV index. The tests compare this parser with tobj on files that both read rightly.
+//! overflows on a huge UV index.
 
 use super::statement::{Statement, statements};
 use crate::{

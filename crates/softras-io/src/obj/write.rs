@@ -1,12 +1,13 @@
 //! Writes meshes as OBJ, MTL and PNG files.
 
-use crate::{color::Curve, picture, placed, several_cells, texture::srgb_from_linear};
+use crate::{color::Curve, picture, placed, several_cells, texture::srgb_from_linear, written::Written};
 use image::ExtendedColorType;
 use softras::{
-    Error, Mesh, Result,
+    Error, Result,
     scene::{Appearance, Texture, Wrap},
 };
 use std::{
+    collections::HashMap,
     fmt::Write,
     path::{Path, PathBuf},
 };
@@ -15,10 +16,14 @@ use std::{
 ///
 /// # Errors
 /// [`Error::Mesh`] for what these formats cannot hold.
-pub fn files_of(mesh: &Mesh, path: &Path, curve: Curve, origin: [f64; 3]) -> Result<Vec<(PathBuf, Vec<u8>)>> {
+pub fn files_of(mesh: &mut Written, path: &Path) -> Result<Vec<(PathBuf, Vec<u8>)>> {
+    mesh.lose_single_normals();
+    if mesh.unlit {
+        mesh.lose("OBJ files do not say that light shades nothing: --unlit draws it so");
+    }
     let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    let mut files = Vec::new();
     let materials = materials(mesh, &stem)?;
+    let mut files = Vec::new();
     for (name, texture) in &materials.images {
         files.push((path.with_file_name(name), png(texture)?));
     }
@@ -28,7 +33,7 @@ pub fn files_of(mesh: &Mesh, path: &Path, curve: Curve, origin: [f64; 3]) -> Res
         files.push((path.with_file_name(&name), materials.mtl.into_bytes()));
         mtllib = Some(name);
     }
-    files.push((path.into(), obj(mesh, mtllib.as_deref(), &materials.of_triangle, curve, origin).into_bytes()));
+    files.push((path.into(), obj(mesh, mtllib.as_deref(), &materials.of_triangle).into_bytes()));
     Ok(files)
 }
 
@@ -37,72 +42,67 @@ pub fn files_of(mesh: &Mesh, path: &Path, curve: Curve, origin: [f64; 3]) -> Res
 struct Materials<'a> {
     mtl: String,
     images: Vec<(String, &'a Texture)>,
-    of_triangle: Vec<u32>,
+    of_triangle: Vec<usize>,
 }
 
-impl Materials<'_> {
-    fn add_color(&mut self, index: usize, [r, g, b]: [f32; 3]) {
-        // Writing to a String cannot fail, here and below.
-        let _ = writeln!(self.mtl, "newmtl m{index}\nKd {r} {g} {b}");
-    }
-}
-
-fn materials<'a>(mesh: &'a Mesh, stem: &str) -> Result<Materials<'a>> {
+fn materials<'a>(mesh: &'a Written, stem: &str) -> Result<Materials<'a>> {
+    let textures = match mesh.mesh.appearance() {
+        Appearance::Surface { resolution, .. } if *resolution > 1 => return Err(several_cells(*resolution, "OBJ")),
+        Appearance::Textured { textures, .. } => &textures[..],
+        _ => &[],
+    };
+    // Not `NAME.png`, which is what a picture of the mesh is called.
+    let number = |i: usize| if textures.len() == 1 { String::new() } else { format!("_{i}") };
+    let name = |i: usize| format!("{stem}_texture{}.png", number(i));
     let mut materials = Materials::default();
-    let triangles = mesh.triangles().len();
-    match mesh.appearance() {
-        Appearance::VertexColors(_) => {}
-        Appearance::Uniform(color) if *color == [1.0; 3] => {}
-        Appearance::Uniform(color) => {
-            materials.add_color(0, *color);
-            materials.of_triangle = vec![0; triangles];
+    let mut known = HashMap::new();
+    for t in 0..mesh.mesh.triangles().len() {
+        let (color, texture, opacity) = (mesh.color_of(t), mesh.texture_of(t), mesh.opacity_of(t));
+        let next = known.len();
+        let index = *known.entry((color.map(f32::to_bits), texture, opacity.to_bits())).or_insert(next);
+        materials.of_triangle.push(index);
+        if index < next {
+            continue;
         }
-        Appearance::Surface { resolution: 1, texels } => {
-            let mut index_of = std::collections::HashMap::new();
-            for color in texels {
-                let next = index_of.len();
-                let index = *index_of.entry(color.map(f32::to_bits)).or_insert(next);
-                if index == next {
-                    materials.add_color(index, *color);
-                }
-                materials.of_triangle.push(index as u32);
-            }
-        }
-        Appearance::Surface { resolution, .. } => return Err(several_cells(*resolution, "OBJ")),
-        Appearance::Textured { textures, texture_of_triangle, .. } => {
-            for (i, texture) in textures.iter().enumerate() {
-                // Not `NAME.png`, which is what a picture of the mesh is called.
-                let number = if textures.len() == 1 { String::new() } else { format!("_{i}") };
-                let name = format!("{stem}_texture{number}.png");
-                let clamp = if texture.wrap() == Wrap::Clamp { "-clamp on " } else { "" };
+        // Writing to a String cannot fail, here and below.
+        let _ = writeln!(materials.mtl, "newmtl m{index}");
+        let _ = match texture {
+            None => writeln!(materials.mtl, "Kd {} {} {}", color[0], color[1], color[2]),
+            Some(i) => {
+                let clamp = if textures[i].wrap() == Wrap::Clamp { "-clamp on " } else { "" };
                 // A name that starts with `-` would read as an option.
-                let here = if name.starts_with('-') { "./" } else { "" };
-                let _ = writeln!(materials.mtl, "newmtl m{i}\nmap_Kd {clamp}{here}{name}");
-                materials.images.push((name, texture));
+                let here = if stem.starts_with('-') { "./" } else { "" };
+                writeln!(materials.mtl, "map_Kd {clamp}{here}{}", name(i))
             }
-            materials.of_triangle = texture_of_triangle.clone();
-            // Empty when there is only one.
-            materials.of_triangle.resize(triangles, 0);
+        };
+        if opacity < 1.0 {
+            let _ = writeln!(materials.mtl, "d {opacity}");
         }
+    }
+    materials.images = textures.iter().enumerate().map(|(i, texture)| (name(i), texture)).collect();
+    let white = ([1.0f32.to_bits(); 3], None, 1.0f32.to_bits());
+    if known.len() == 1 && known.contains_key(&white) {
+        materials = Materials::default();
     }
     Ok(materials)
 }
 
-fn obj(mesh: &Mesh, mtllib: Option<&str>, material_of_triangle: &[u32], curve: Curve, origin: [f64; 3]) -> String {
+fn obj(written: &Written, mtllib: Option<&str>, material_of_triangle: &[usize]) -> String {
+    let mesh = &written.mesh;
     let mut text = String::from("# softras\n");
     if let Some(name) = mtllib {
         let _ = writeln!(text, "mtllib {name}");
     }
     for (i, p) in mesh.positions().iter().enumerate() {
         // A 32-bit number takes fewer digits than the same in 64 bits.
-        let _ = if origin == [0.0; 3] {
+        let _ = if written.origin == [0.0; 3] {
             write!(text, "v {} {} {}", p[0], p[1], p[2])
         } else {
-            let [x, y, z] = placed(*p, origin);
+            let [x, y, z] = placed(*p, written.origin);
             write!(text, "v {x} {y} {z}")
         };
         if let Appearance::VertexColors(colors) = mesh.appearance() {
-            let [r, g, b] = if curve == Curve::Srgb { colors[i].map(srgb_from_linear) } else { colors[i] };
+            let [r, g, b] = if written.curve == Curve::Srgb { colors[i].map(srgb_from_linear) } else { colors[i] };
             let _ = write!(text, " {r} {g} {b}");
         }
         text.push('\n');
@@ -114,25 +114,38 @@ fn obj(mesh: &Mesh, mtllib: Option<&str>, material_of_triangle: &[u32], curve: C
         }
         uv_triangles = Some(triangles);
     }
-    let mut current = None;
+    let (mut current, mut normals) = (None, HashMap::new());
     for (t, triangle) in mesh.triangles().iter().enumerate() {
+        let own = written.normals_of(t).map(|own| {
+            own.map(|normal| {
+                let next = normals.len() + 1;
+                let index = *normals.entry(normal.map(f32::to_bits)).or_insert(next);
+                if index == next {
+                    let _ = writeln!(text, "vn {} {} {}", normal[0], normal[1], normal[2]);
+                }
+                index
+            })
+        });
         let material = material_of_triangle.get(t);
         if material != current {
             let _ = writeln!(text, "usemtl m{}", material.copied().unwrap_or_default());
             current = material;
         }
-        let [a, b, c] = triangle.map(|i| u64::from(i) + 1);
-        let _ = match uv_triangles {
-            Some(uvs) => {
-                let [i, j, k] = uvs[t].map(|i| u64::from(i) + 1);
-                writeln!(text, "f {a}/{i} {b}/{j} {c}/{k}")
-            }
-            None => writeln!(text, "f {a} {b} {c}"),
-        };
+        text.push('f');
+        for k in 0..3 {
+            let _ = write!(text, " {}", u64::from(triangle[k]) + 1);
+            let uv = uv_triangles.map(|uvs| u64::from(uvs[t][k]) + 1);
+            let _ = match (uv, own.map(|own| own[k])) {
+                (None, None) => Ok(()),
+                (Some(uv), None) => write!(text, "/{uv}"),
+                (None, Some(normal)) => write!(text, "//{normal}"),
+                (Some(uv), Some(normal)) => write!(text, "/{uv}/{normal}"),
+            };
+        }
+        text.push('\n');
     }
     text
 }
-
 /// A PNG file of a texture: 8 bits a channel if every value is a whole number of 255ths, else 16.
 pub fn png(texture: &Texture) -> Result<Vec<u8>> {
     let values = texture.texels().as_flattened();

@@ -6,6 +6,7 @@ mod arrays;
 mod common;
 mod corpus;
 mod formats;
+mod generated;
 #[path = "../../../../tests/common/mutate.rs"]
 mod mutate;
 mod mutation;

@@ -1,7 +1,6 @@
 //! Tests of vertices, faces and polygons.
 
 use super::*;
-use softras_check::random::Random;
 
 #[test]
 fn vertices_keep_the_order_of_the_file_across_groups_and_materials() {
@@ -100,47 +99,6 @@ fn what_is_not_drawn_is_noted_once() {
     assert_note(&notes, &[":8: ", "points"]);
     assert_note(&notes, &[":9: ", "free-form"]);
     assert_note(&notes, &[":10: ", "wobble"]);
-}
-
-/// The corners of all triangles with their positions, by tobj.
-fn corners_by_tobj(text: &str) -> Vec<[[f32; 3]; 3]> {
-    let options = tobj::LoadOptions { triangulate: true, ..tobj::LoadOptions::default() };
-    let (models, _) = tobj::load_obj_buf(&mut text.as_bytes(), &options, |_| Ok(Default::default())).unwrap();
-    let mut corners = Vec::new();
-    for tobj::Model { mesh, .. } in models {
-        let position = |&i: &u32| [0, 1, 2].map(|k| mesh.positions[3 * i as usize + k]);
-        corners.extend(mesh.indices.chunks_exact(3).map(|t| [position(&t[0]), position(&t[1]), position(&t[2])]));
-    }
-    corners
-}
-
-#[test]
-fn files_that_tobj_reads_rightly_read_the_same() {
-    for seed in 0..50 {
-        let random = &mut Random::new(seed);
-        let mut text = String::new();
-        let count = 3 + random.below(40);
-        for _ in 0..count {
-            let [x, y, z] = [(); 3].map(|()| random.range(-1.0, 1.0) * 10f64.powf(random.range(-30.0, 20.0)));
-            let scientific = random.chance(0.5);
-            text += &if scientific { format!("v {x:e} {y:e} {z:e}\n") } else { format!("v {x} {y} {z}\n") };
-        }
-        for face in 0..60 {
-            if face % 20 == 10 {
-                text += "g another\n";
-            }
-            let index = |random: &mut Random| match random.below(count) as i64 {
-                i if random.chance(0.3) => i - count as i64,
-                i => i + 1,
-            };
-            let [a, b, c] = [(); 3].map(|()| index(random));
-            text += &format!("f {a} {b}//1 {c}\n").replace("//1", if face % 2 == 0 { "" } else { "//" });
-        }
-        let mesh = quiet(&text);
-        let position = |i: u32| mesh.positions()[i as usize];
-        let ours: Vec<_> = mesh.triangles().iter().map(|t| t.map(position)).collect();
-        assert_eq!(ours, corners_by_tobj(&text), "seed {seed}");
-    }
 }
 
 #[test]
