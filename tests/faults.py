@@ -32,6 +32,13 @@ ROWS = "glsl/common/item_pixels.glsl"
 FAULTS = [
     ("remeshing that leaves the surface", "crates/softras-fit/src/remesh/surface.rs", "(self.positions[v], self.sizes[v]) = (point, size);",
      "(self.positions[v], self.sizes[v]) = (0.5 * (self.positions[v] + point), size);", ["fit remesh::no_detail"]),
+    ("a view matrix of rank 2", "src/scene/camera.rs", "if x.cross(y).dot(z).abs() < 1e-9 {", "if x == DVec3::ZERO {", ["unit a_view_matrix"]),
+    ("a sheared view matrix", "src/scene/camera.rs", "abs_diff_eq(DMat3::IDENTITY, 1e-3)", "abs_diff_eq(DMat3::IDENTITY, 0.5)", ["unit a_view_matrix"]),
+    ("a camera straight above without up", "src/scene/camera.rs", "if e.cos().abs() < 1e-6 {", "if false {", ["unit straight_above"]),
+    ("a third triangle at an edge left out", "crates/softras-fit/src/topology.rs", "(i + 1..sides.len())", "(i + 1..2.min(sides.len()))",
+     ["fit gradients::regularizers_have_the_values"]),
+    ("normals of triangles that run the same way", "crates/softras-fit/src/regularizer/normals.rs", "{ -1.0 } else { 1.0 }", "{ 1.0 } else { 1.0 }",
+     ["fit gradients::regularizers_have_the_values"]),
     ("edges flipped across creases", "crates/softras-fit/src/remesh/surface.rs", "let smooth = !self.is_kept || old.contains(&DVec3::ZERO) || alike(old[0], old[1]);",
      "let smooth = true;", ["fit remesh::creases"]),
     ("boundaries that are pulled inwards", "crates/softras-fit/src/subdivision.rs", "2 => toward(&boundary[v], 1.0 / 8.0),",

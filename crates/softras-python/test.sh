@@ -40,8 +40,9 @@ cargo build --quiet --locked --profile "$profile" --manifest-path ../../Cargo.to
 target=$(cargo metadata --format-version 1 --no-deps | sed 's/.*"target_directory":"\([^"]*\)".*/\1/')
 SOFTRAS_COMMAND=$target/$([ "$profile" = dev ] && echo debug || echo "$profile")/softras
 export SOFTRAS_COMMAND
-# The tool of one environment, so that the wheel is tested in another one that has never seen the source.
-PATH=$scratch/build/bin:$PATH maturin build --quiet --locked --profile "$profile" --out "$scratch/wheels"
+# By the tool of one environment, as `pip install .` builds it, so that the wheel is tested in another one that has never seen the source.
+PATH=$scratch/build/bin:$PATH pip wheel --quiet --no-deps --no-build-isolation \
+    --config-settings "build-args=--locked --profile $profile" --wheel-dir "$scratch/wheels" .
 
 python3 -m venv "$scratch/clean"
 "$scratch/clean/bin/pip" install --quiet pytest numpy pillow "${packages[@]}" || unavailable "pytest, numpy or Pillow cannot be installed"

@@ -16,7 +16,7 @@ trap 'rm -rf "$scratch"; rm -f python/softras/LICENSES.txt' EXIT
 python3 -m venv "$scratch"
 "$scratch/bin/pip" install --quiet "maturin>=1.9,<2" ziglang twine
 export SOFTRAS_SPIRV=packaged PATH=$scratch/bin:$PATH
-python3 licenses.py >python/softras/LICENSES.txt
+python3 backend.py
 for target in "${targets[@]}"; do
     rustup target add --toolchain "$(rustup show active-toolchain | cut -d' ' -f1)" "$target"
     maturin build --locked --profile "$profile" --zig --target "$target" --compatibility manylinux_2_17 --out dist

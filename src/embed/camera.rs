@@ -1,7 +1,7 @@
 //! A host's view and projection matrices as a softras camera, and its depth buffer's values from view depths.
 
 use crate::error::{Error, Result};
-use crate::scene::{Camera, Projection};
+use crate::scene::{Camera, Projection, validate_rotation};
 use glam::DMat4;
 
 /// What a host's projection matrices map to. The default is Vulkan's clip space as it is; wgpu's is `y_up`.
@@ -67,7 +67,7 @@ impl HostCamera {
     /// View space may be of either handedness; the projection may be reversed, infinite, mirrored, or off centre (jitter).
     ///
     /// # Errors
-    /// [`Error::Camera`] naming the matrix and the entry: for a view matrix that is not affine, and for a projection with
+    /// [`Error::Camera`] naming the matrix and the entry: for a view matrix that is no rotation and translation, mirrored or not, and for a projection with
     /// skew, whose w does not run along z alone, or that does not project at all.
     pub fn new(matrices: &CameraMatrices, clip: ClipSpace, (width, height): (u32, u32)) -> Result<Self> {
         let [view, projection] =
@@ -78,6 +78,7 @@ impl HostCamera {
         if view.row(3).to_array() != [0.0, 0.0, 0.0, 1.0] {
             return bad("view matrix, last row", view.row(3), "it must be (0, 0, 0, 1): the projection is given apart");
         }
+        validate_rotation(view)?;
         let rows = [0, 1, 2, 3].map(|i| projection.row(i).to_array());
         let [x, mut y, z, w] = rows;
         if !clip.y_up {
@@ -180,7 +181,7 @@ impl HostCamera {
             return bad("projection matrix, z", (depth.constant, depth.factor), "depth must change with z");
         }
         let view = DMat4::from_cols_array_2d(&[view[0], view[1], view[2], [0.0, 0.0, 0.0, 1.0]]).transpose();
-        Ok(Self { camera: Camera::from_matrix(view, projection)?, depth, planes: [near, far] })
+        Ok(Self { camera: Camera::from_affine(view, projection)?, depth, planes: [near, far] })
     }
 
     /// What softras renders with.

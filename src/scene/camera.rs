@@ -3,9 +3,12 @@
 //! View space has x right, y up and depth z growing forward. Screen space has y in [-1, 1] up and x in [-a, a] to the
 //! right, a = width / height. View space is left-handed and world space right-handed, so the matrix between them has a
 //! negative determinant: that of every constructor here does. A view matrix of positive determinant mirrors the image.
+//!
+//! A view matrix is a rotation and a translation, up to the rounding of single precision and of files. [`Camera::from_affine`] is for
+//! what no rotation can say.
 
 use crate::error::{Error, Result};
-use glam::{DMat4, DVec3, DVec4};
+use glam::{DMat3, DMat4, DVec3, DVec4};
 
 /// From view space to the screen.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -56,6 +59,17 @@ fn bad<T>(field: &'static str, value: impl std::fmt::Debug, fix: &str) -> Result
     Err(Error::Camera { field, value: format!("{value:?}"), fix: fix.into() })
 }
 
+/// # Errors
+/// [`Error::Camera`] for a view matrix that neither turns nor mirrors alone, which changes lengths or angles.
+pub(crate) fn validate_rotation(view: DMat4) -> Result<()> {
+    let rotation = DMat3::from_mat4(view);
+    if (rotation * rotation.transpose()).abs_diff_eq(DMat3::IDENTITY, 1e-3) {
+        return Ok(());
+    }
+    let fix = "give a rotation and a translation, without scale or shear; where a camera looks along its up vector, give another up";
+    bad("view", view.transpose().to_cols_array_2d(), fix)
+}
+
 impl Camera {
     /// Looks from `eye` at `target`; `up` is world space and need not be perpendicular.
     ///
@@ -81,7 +95,7 @@ impl Camera {
         };
         let Some(right) = forward.cross(up_unit).try_normalize().filter(|_| forward.cross(up_unit).length() > 1e-9)
         else {
-            return bad("up", up, "must not be parallel to the view direction");
+            return bad("up", up, "it is along the view direction: give another up");
         };
         let up = right.cross(forward);
         let row = |axis: DVec3| [axis.x, axis.y, axis.z, -axis.dot(eye)];
@@ -90,27 +104,41 @@ impl Camera {
 
     /// Looks at the origin from the official renderer's viewpoint: eye = d (cos e sin a, sin e, -cos e cos a).
     ///
-    /// Angles in degrees. The image is not mirrored (the official renderer's is).
+    /// Angles in degrees. The image is not mirrored (the official renderer's is). Up is y; straight above and below it is the
+    /// direction that y tends to in the image.
     ///
     /// # Errors
-    /// As [`Camera::look_at`]; straight above or below there is no up direction.
+    /// [`Error::Camera`] when a value is not finite or the distance is not above 0.
     pub fn from_angles(distance: f64, elevation: f64, azimuth: f64, projection: Projection) -> Result<Self> {
         if !(distance > 0.0 && distance.is_finite() && elevation.is_finite() && azimuth.is_finite()) {
             return bad("distance, elevation, azimuth", (distance, elevation, azimuth), "use finite, distance above 0");
         }
         let (e, a) = (elevation.to_radians(), azimuth.to_radians());
-        let eye = distance * DVec3::new(e.cos() * a.sin(), e.sin(), -e.cos() * a.cos());
-        Self::look_at(eye, DVec3::ZERO, DVec3::Y, projection)
+        let outward = DVec3::new(a.sin(), 0.0, -a.cos());
+        let eye = distance * (e.cos() * outward + e.sin() * DVec3::Y);
+        let up = if e.cos().abs() < 1e-6 { -e.sin().signum() * outward } else { DVec3::Y };
+        Self::look_at(eye, DVec3::ZERO, up, projection)
     }
 
-    /// A 4×4 world-to-view matrix (column vectors; view space x right, y up, **z forward**).
+    /// A 4×4 world-to-view matrix (column vectors; view space x right, y up, **z forward**): a rotation and a translation.
     ///
     /// A matrix of positive determinant mirrors the image. OpenGL's views look along -z: negate the third row first; OpenCV's have y
     /// down: negate the second.
     ///
     /// # Errors
-    /// [`Error::Camera`] when a value is not finite or the last row is not (0, 0, 0, 1).
+    /// [`Error::Camera`] when a value is not finite, the last row is not (0, 0, 0, 1), or the rest is no rotation, mirrored or not: its
+    /// rows have length 1 and are perpendicular, both within 1e-3.
     pub fn from_matrix(view: DMat4, projection: Projection) -> Result<Self> {
+        validate_rotation(view)?;
+        Self::from_affine(view, projection)
+    }
+
+    /// As [`Camera::from_matrix`], of any matrix that has an inverse: a calibrated camera's skew shears the first row along the second,
+    /// and an orthographic camera whose pixels are not square scales it.
+    ///
+    /// # Errors
+    /// [`Error::Camera`] when a value is not finite, the last row is not (0, 0, 0, 1), or the rest has no inverse.
+    pub fn from_affine(view: DMat4, projection: Projection) -> Result<Self> {
         if view.row(3) != DVec4::W {
             return bad("view", view.row(3), "the last row must be (0, 0, 0, 1); give the projection apart");
         }
@@ -136,6 +164,11 @@ impl Camera {
     fn from_rows(view: [[f64; 4]; 3], projection: Projection) -> Result<Self> {
         if !view.iter().flatten().all(|x| x.abs() <= 1e12) {
             return bad("view", view, "use finite entries within ±1e12");
+        }
+        // The volume of the rows over that of a box with their lengths.
+        let [x, y, z] = view.map(|[x, y, z, _]| DVec3::new(x, y, z).normalize_or_zero());
+        if x.cross(y).dot(z).abs() < 1e-9 {
+            return bad("view", view, "it has no inverse: its rows must be three different directions");
         }
         let within = |values: &[f64], low: f64| values.iter().all(|x| (low..=1e9).contains(x));
         match projection {
@@ -287,6 +320,38 @@ mod tests {
         assert!(Camera::look_at(DVec3::Y, origin, DVec3::Y, FOV).is_err());
         assert!(Camera::from_angles(f64::NAN, 0.0, 0.0, FOV).is_err());
         assert!(Camera::from_angles(1.0, 0.0, 0.0, Projection::Perspective { fov_y: 4.0 }).is_err());
-        assert!(Camera::from_matrix(DMat4::ZERO, FOV).is_err());
+        assert!(
+            Camera::official([[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [1.0, 1.0, 0.0, 1.0]], [0.0; 5], 8.0)
+                .is_err()
+        );
+    }
+
+    #[test]
+    fn a_view_matrix_is_a_rotation() {
+        let turn =
+            DMat4::from_rotation_translation(glam::DQuat::from_scaled_axis(DVec3::new(1.0, 2.0, 0.5)), DVec3::ONE);
+        let scaled = |x, y, z| turn * DMat4::from_scale(DVec3::new(x, y, z));
+        let sheared = |by| turn * DMat4::from_cols(DVec4::X, DVec4::new(by, 1.0, 0.0, 0.0), DVec4::Z, DVec4::W);
+        // A mirror, and the rounding of single precision and of files.
+        for good in [turn, scaled(-1.0, 1.0, 1.0), turn.as_mat4().as_dmat4(), scaled(1.0, 1.0004, 1.0), sheared(5e-4)] {
+            assert!(Camera::from_matrix(good, FOV).is_ok(), "{good}");
+        }
+        let nan = scaled(f64::NAN, 1.0, 1.0);
+        for bad in
+            [DMat4::ZERO, nan, scaled(1.0, 1.0, 0.0), scaled(2.0, 2.0, 2.0), scaled(1.0, 1.0, 1.01), sheared(0.01)]
+        {
+            assert!(matches!(Camera::from_matrix(bad, FOV), Err(Error::Camera { field: "view", .. })), "{bad}");
+        }
+        assert!(
+            Camera::from_affine(sheared(0.1), FOV).is_ok() && Camera::from_affine(scaled(1.0, 0.0, 1.0), FOV).is_err()
+        );
+    }
+
+    #[test]
+    fn straight_above_and_below_up_is_where_it_tends_to() {
+        for (pole, near) in [(90.0, 89.9999), (-90.0, -89.9999), (270.0, 270.0001)] {
+            let [pole, near] = [pole, near].map(|e| Camera::from_angles(3.0, e, 30.0, FOV).unwrap());
+            assert!(pole.matrix().abs_diff_eq(near.matrix(), 1e-5), "{pole:?} {near:?}");
+        }
     }
 }

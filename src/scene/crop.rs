@@ -45,7 +45,7 @@ fn shifted(camera: &Camera, [whole, part]: [&Settings; 2], [column, row]: [f64; 
     let [x, y, z] = camera.view().map(DVec4::from);
     let with = |rows: [DVec4; 3], projection: Projection| {
         let view = DMat4::from_cols(rows[0], rows[1], rows[2], DVec4::W).transpose();
-        Camera::from_matrix(view, projection)
+        Camera::from_affine(view, projection)
     };
     if let Some([fx, fy, cx, cy]) = camera.intrinsics((whole.width, whole.height)) {
         return with([x, y, z], Projection::Pinhole { fx, fy, cx: cx - column, cy: cy - row });

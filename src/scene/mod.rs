@@ -8,6 +8,7 @@ mod settings;
 mod support;
 mod texture;
 
+pub(crate) use camera::validate_rotation;
 pub use camera::{Camera, Projection};
 pub use light::{DirectionalLight, Lights, Shading};
 pub(crate) use mesh::first_not_finite;

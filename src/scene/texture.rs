@@ -95,6 +95,11 @@ impl Texture {
         Ok(Self { alpha: self.alpha.clone(), ..Self::new(self.width, self.height, texels, self.wrap)? })
     }
 
+    /// The same texture, which shares its texels, with another wrap.
+    pub fn with_wrap(self, wrap: Wrap) -> Self {
+        Self { wrap, ..self }
+    }
+
     /// Width in texels.
     pub fn width(&self) -> u32 {
         self.width

@@ -167,7 +167,7 @@ fn moved(cameras: &[Camera], twists: Option<&[[f64; 6]]>) -> Result<Vec<Camera>>
     let Some(twists) = twists else { return Ok(cameras.to_vec()) };
     let one = |(camera, &twist): (&Camera, &[f64; 6])| {
         // The last row of a product of rigid motions is (0, 0, 0, 1) exactly: its terms are zeros and ones.
-        Camera::from_matrix(twist::exponential(twist) * camera.matrix(), *camera.projection())
+        Camera::from_affine(twist::exponential(twist) * camera.matrix(), *camera.projection())
     };
     cameras.iter().zip(twists).map(one).collect()
 }

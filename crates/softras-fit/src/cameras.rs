@@ -51,7 +51,7 @@ pub fn around(bounds: Sphere, count: usize, fov: f64) -> Result<Vec<Camera>> {
 /// The camera for images x times as wide and y times as high. Only [`Projection::Pinhole`] is measured in pixels and changes.
 pub fn scaled(camera: &Camera, [x, y]: [f64; 2]) -> Result<Camera> {
     let Projection::Pinhole { fx, fy, cx, cy } = *camera.projection() else { return Ok(*camera) };
-    Camera::from_matrix(camera.matrix(), Projection::Pinhole { fx: x * fx, fy: y * fy, cx: x * cx, cy: y * cy })
+    Camera::from_affine(camera.matrix(), Projection::Pinhole { fx: x * fx, fy: y * fy, cx: x * cx, cy: y * cy })
 }
 
 /// The point nearest to the rays through the middles of all pictures.

@@ -82,7 +82,7 @@ impl Square {
         let Some([fx, fy, cx, cy]) = camera.intrinsics(size) else { return Ok(*camera) };
         let times = side as f64 / self.side;
         let [fx, fy, cx, cy] = [fx, fy, cx - self.left, cy - self.top].map(|x| times * x);
-        Camera::from_matrix(camera.matrix(), Projection::Pinhole { fx, fy, cx, cy })
+        Camera::from_affine(camera.matrix(), Projection::Pinhole { fx, fy, cx, cy })
     }
 }
 

@@ -217,7 +217,7 @@ impl Motions {
             let ([turn, shift], center) = (self.of(i), camera.to_view(self.bounds.center));
             let rotation = DMat4::from_mat3(DMat3::from_quat(glam::DQuat::from_scaled_axis(turn)));
             let motion = DMat4::from_translation(center + shift) * rotation * DMat4::from_translation(-center);
-            Camera::from_matrix(motion * camera.matrix(), *camera.projection())
+            Camera::from_affine(motion * camera.matrix(), *camera.projection())
         };
         given.iter().enumerate().map(moved).collect()
     }

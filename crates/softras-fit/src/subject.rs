@@ -85,7 +85,7 @@ impl Subject {
     pub(crate) fn move_photographs(&mut self) -> Result<()> {
         let Some(photographs) = &mut self.photographs else { return Ok(()) };
         for (given, moved) in photographs.cameras.iter_mut().zip(&self.views.cameras) {
-            *given = Camera::from_matrix(moved.matrix(), *given.projection())?;
+            *given = Camera::from_affine(moved.matrix(), *given.projection())?;
         }
         Ok(())
     }

@@ -17,7 +17,8 @@ pub struct Flap {
     pub opposite: [u32; 2],
     /// The two triangles.
     pub triangles: [u32; 2],
-    /// Whether the official flatten loss includes the edge: it lists only the first two edges of every face.
+    /// Whether the official flatten loss includes the flap: it lists only the first two edges of every face, and the first two
+    /// triangles of an edge.
     pub official: bool,
 }
 
@@ -33,8 +34,7 @@ pub struct Topology {
 }
 
 impl Topology {
-    /// The connectivity of triangles over this number of vertices. Of three or more triangles at an edge, the first two
-    /// make its flap.
+    /// The connectivity of triangles over this number of vertices. Of three or more triangles at an edge, every two make a flap.
     ///
     /// # Errors
     /// [`softras::Error::Fit`] for an index out of range, and for more vertices than there are indices.
@@ -58,11 +58,14 @@ impl Topology {
             }
         }
         let edges: Vec<[u32; 2]> = at_edge.keys().copied().collect();
-        let flap = |(&edge, (sides, official)): (&[u32; 2], &(Vec<[u32; 2]>, bool))| match sides[..] {
-            [[t, a], [u, b], ..] => Some(Flap { edge, opposite: [a, b], triangles: [t, u], official: *official }),
-            _ => None,
-        };
-        let flaps = at_edge.iter().filter_map(flap).collect();
+        let mut flaps = Vec::with_capacity(edges.len());
+        for (&edge, (sides, official)) in &at_edge {
+            let pairs = (0..sides.len()).flat_map(|i| (i + 1..sides.len()).map(move |j| (i, j)));
+            flaps.extend(pairs.map(|(i, j)| {
+                let ([t, a], [u, b]) = (sides[i], sides[j]);
+                Flap { edge, opposite: [a, b], triangles: [t, u], official: *official && (i, j) == (0, 1) }
+            }));
+        }
         let (first_neighbor, neighbors) = neighbors(vertices, &edges);
         Ok(Self { vertices, triangles: triangles.to_vec(), edges, flaps, first_neighbor, neighbors })
     }
@@ -109,7 +112,8 @@ impl Topology {
         let beside = |v, around: &mut Vec<usize>| around.extend(self.neighbors(v).iter().map(|n| *n as usize));
         let parts = regions(self.vertices, |v| !self.neighbors(v).is_empty(), beside);
         let (vertices, parts) = (parts.iter().map(Vec::len).sum::<usize>(), parts.len());
-        let closed = 2 * self.edges.len() == 3 * self.triangles.len() && self.flaps.len() == self.edges.len();
+        let paired = self.flaps.iter().map(|flap| flap.edge).eq(self.edges.iter().copied());
+        let closed = paired && 2 * self.edges.len() == 3 * self.triangles.len();
         let handles = 2 * parts as i64 - (vertices as i64 - self.edges.len() as i64 + self.triangles.len() as i64);
         (parts, usize::try_from(handles / 2).ok().filter(|_| closed && handles % 2 == 0))
     }

@@ -1,42 +1,39 @@
 //! numpy arrays to the library's rows and images, and back.
 //!
-//! What is contiguous and of the right type is read in place; everything else is converted by numpy first. The library owns its
-//! arrays, so that each is copied once on the way in. What the library returns is handed over without a copy.
+//! `softras._arrays` says which types and values an array may have, by what its numbers mean: "number", "place", "light",
+//! "texture" (light with alpha), "picture" or "mask". The library owns its arrays, so that each is copied once on the way in. What the
+//! library returns is handed over without a copy.
 
 use crate::exceptions::bad_input;
 use numpy::{Element, PyArray1, PyArray2, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use softras::Image;
 
-/// A contiguous array of 32-bit floats: the argument itself if it is one, else numpy's conversion.
-pub fn floats<'py>(value: &Bound<'py, PyAny>, name: &str) -> PyResult<PyReadonlyArrayDyn<'py, f32>> {
-    contiguous(value, name, "float32")
+/// A contiguous array of 32-bit floats.
+pub fn floats<'py>(value: &Bound<'py, PyAny>, name: &str, means: &str) -> PyResult<PyReadonlyArrayDyn<'py, f32>> {
+    read(value, name, means, "float32")
 }
 
 /// A contiguous array of 64-bit floats.
-pub fn doubles<'py>(value: &Bound<'py, PyAny>, name: &str) -> PyResult<PyReadonlyArrayDyn<'py, f64>> {
-    contiguous(value, name, "float64")
+pub fn doubles<'py>(value: &Bound<'py, PyAny>, name: &str, means: &str) -> PyResult<PyReadonlyArrayDyn<'py, f64>> {
+    read(value, name, means, "float64")
 }
 
-fn contiguous<'py, T: Element>(
+fn read<'py, T: Element>(
     value: &Bound<'py, PyAny>,
     name: &str,
+    means: &str,
     kind: &str,
 ) -> PyResult<PyReadonlyArrayDyn<'py, T>> {
-    if value.is_none() {
-        return Err(bad_input(format!("{name} is None"), "give an array of numbers"));
-    }
+    // The positions of every step of a fit need no call.
     if let Ok(array) = value.cast::<PyArrayDyn<T>>()
         && array.is_c_contiguous()
+        && matches!(means, "number" | "place")
     {
         return Ok(array.try_readonly()?);
     }
-    let converted = value.py().import("numpy")?.call_method1("ascontiguousarray", (value, kind));
-    let converted = converted.map_err(|error| bad_input(format!("{name}: {error}"), "give an array of numbers"))?;
-    match converted.cast::<PyArrayDyn<T>>() {
-        Ok(array) => Ok(array.try_readonly()?),
-        Err(_) => Err(bad_input(format!("{name} is no array of {kind}"), "give a numpy array")),
-    }
+    let found = value.py().import("softras._arrays")?.call_method1("read", (value, name, means, kind))?;
+    Ok(found.cast_into::<PyArrayDyn<T>>()?.try_readonly()?)
 }
 
 /// The error of an array of another shape.
@@ -44,9 +41,9 @@ fn shape_error(name: &str, shape: &[usize], expected: &str) -> PyErr {
     bad_input(format!("{name} has shape {shape:?}"), &format!("give {expected}"))
 }
 
-/// Rows of N floats.
+/// Rows of N floats that are places or directions.
 pub fn rows<const N: usize>(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec<[f32; N]>> {
-    let array = floats(value, name)?;
+    let array = floats(value, name, "place")?;
     match array.shape() {
         [_, columns] if *columns == N => Ok(array.as_slice()?.as_chunks::<N>().0.to_vec()),
         shape => Err(shape_error(name, shape, &format!("[rows, {N}]"))),
@@ -55,14 +52,23 @@ pub fn rows<const N: usize>(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Ve
 
 /// Numbers in double precision, exactly N of them.
 pub fn vector<const N: usize>(value: &Bound<'_, PyAny>, name: &str) -> PyResult<[f64; N]> {
-    let array = doubles(value, name)?;
+    exactly(value, name, "number")
+}
+
+/// A colour in double precision.
+pub fn color(value: &Bound<'_, PyAny>, name: &str) -> PyResult<[f64; 3]> {
+    exactly(value, name, "light")
+}
+
+fn exactly<const N: usize>(value: &Bound<'_, PyAny>, name: &str, means: &str) -> PyResult<[f64; N]> {
+    let array = doubles(value, name, means)?;
     let found = <[f64; N]>::try_from(array.as_slice()?);
     found.map_err(|_| shape_error(name, array.shape(), &format!("{N} numbers")))
 }
 
 /// A matrix in double precision.
 pub fn matrix<const R: usize, const C: usize>(value: &Bound<'_, PyAny>, name: &str) -> PyResult<[[f64; C]; R]> {
-    let array = doubles(value, name)?;
+    let array = doubles(value, name, "number")?;
     let found = <[[f64; C]; R]>::try_from(array.as_slice()?.as_chunks::<C>().0);
     match found {
         Ok(matrix) if array.shape() == [R, C] => Ok(matrix),
@@ -83,7 +89,7 @@ pub fn indices(value: &Bound<'_, PyAny>, name: &str) -> PyResult<(Vec<u32>, Vec<
     {
         return Ok((array.try_readonly()?.as_slice()?.to_vec(), array.shape().to_vec()));
     }
-    let whole = contiguous::<i64>(&array, name, "int64")?;
+    let whole = read::<i64>(&array, name, "number", "int64")?;
     let negative = |i: i64| bad_input(format!("{name} hold {i}"), "indices are 0 or more and below 2^32");
     let one = |&i: &i64| u32::try_from(i).map_err(|_| negative(i));
     let found = whole.as_slice()?.iter().map(one).collect::<PyResult<_>>()?;
@@ -100,8 +106,8 @@ pub fn triangles(value: &Bound<'_, PyAny>, name: &str) -> PyResult<Vec<[u32; 3]>
 }
 
 /// A batch of images: `[batch, height, width, channels]`, for one channel also `[batch, height, width]`.
-pub fn image(value: &Bound<'_, PyAny>, name: &str, channels: usize) -> PyResult<Image> {
-    let array = floats(value, name)?;
+pub fn image(value: &Bound<'_, PyAny>, name: &str, channels: usize, means: &str) -> PyResult<Image> {
+    let array = floats(value, name, means)?;
     let (batch, height, width) = match *array.shape() {
         [batch, height, width] if channels == 1 => (batch, height, width),
         [batch, height, width, last] if last == channels => (batch, height, width),

@@ -1,7 +1,7 @@
 //! Cameras.
 
 use crate::arrays::{matrix, vector};
-use crate::exceptions::{Raise, bad_input};
+use crate::exceptions::{Raise, bad_input, exception};
 use numpy::PyArray2;
 use pyo3::IntoPyObjectExt;
 use pyo3::prelude::*;
@@ -53,6 +53,18 @@ fn flipped(axes: [f64; 3]) -> DMat4 {
     DMat4::from_scale(DVec3::from_array(axes))
 }
 
+/// Refuses a view matrix that mirrors: one of a determinant above 0.
+fn unmirrored(view: DMat4) -> PyResult<DMat4> {
+    if DMat3::from_mat4(view).determinant() <= 0.0 {
+        return Ok(view);
+    }
+    Err(exception(
+        "CameraError",
+        "the view matrix mirrors: its y points down, or its z backward, or its rotation is a reflection: \
+         use from_opencv, from_opengl or from_pytorch3d for their matrices, or say mirrored=True to from_matrix",
+    ))
+}
+
 impl Camera {
     fn of(view: DMat4, projection: Projection) -> PyResult<Self> {
         Ok(Self { camera: softras::Camera::from_matrix(view, projection).raise()? })
@@ -61,7 +73,7 @@ impl Camera {
 
 #[pymethods]
 impl Camera {
-    /// Looks from `eye` at `target`, world units; `up` is (0, 1, 0) unless given.
+    /// Looks from `eye` at `target`, world units; `up` is (0, 1, 0) unless given, and along the view it is refused.
     ///
     /// Exactly one projection: `fov_y`, the full vertical angle in radians; `half_height`, world units from the image's
     /// centre to its upper border; or `pinhole`, (fx, fy, cx, cy) in pixels, where the centre of the upper left pixel is
@@ -82,7 +94,7 @@ impl Camera {
         Ok(Self { camera })
     }
 
-    /// Looks at the origin from eye = d (cos e sin a, sin e, -cos e cos a), angles in degrees.
+    /// Looks at the origin from eye = d (cos e sin a, sin e, -cos e cos a), angles in degrees, straight up and down too.
     ///
     /// One projection as for `look_at`. Raises CameraError.
     #[staticmethod]
@@ -102,7 +114,8 @@ impl Camera {
     /// A [4, 4] or [3, 4] world-to-view matrix; view space has x right, y up and z **forward**, so that its determinant is
     /// negative unless `mirrored`.
     ///
-    /// One projection as for `look_at`. Raises CameraError; InputError for a matrix of another convention.
+    /// One projection as for `look_at`. Raises CameraError for a matrix of another convention, and for what is no rotation and
+    /// translation.
     #[staticmethod]
     #[pyo3(signature = (view, *, fov_y = None, half_height = None, pinhole = None, mirrored = false))]
     fn from_matrix(
@@ -113,18 +126,12 @@ impl Camera {
         mirrored: bool,
     ) -> PyResult<Self> {
         let view = affine(view)?;
-        if !mirrored && DMat3::from_mat4(view).determinant() > 0.0 {
-            return Err(bad_input(
-                "the view matrix mirrors: its y points down, or its z backward",
-                "use from_opencv, from_opengl or from_pytorch3d for their matrices, or say mirrored=True",
-            ));
-        }
-        Self::of(view, projection(fov_y, half_height, pinhole)?)
+        Self::of(if mirrored { view } else { unmirrored(view)? }, projection(fov_y, half_height, pinhole)?)
     }
 
-    /// OpenCV's camera (COLMAP's too): the intrinsic matrix [3, 3] in pixels of the image that is rendered, the rotation [3, 3]
-    /// and translation [3] from the world to a view with y down. OpenCV counts from the centre of the first pixel. Raises
-    /// CameraError; InputError for skew.
+    /// OpenCV's camera: the intrinsic matrix [3, 3] in pixels of the image that is rendered, the rotation [3, 3] and translation [3]
+    /// from the world to a view with y down. OpenCV counts from the centre of the first pixel, COLMAP from its corner: subtract 0.5
+    /// from COLMAP's cx and cy. Raises CameraError; InputError for skew.
     #[staticmethod]
     #[pyo3(signature = (intrinsics, rotation, translation))]
     fn from_opencv(
@@ -138,7 +145,7 @@ impl Camera {
         }
         let view = rigid(matrix(rotation, "rotation")?, vector(translation, "translation")?);
         let (fx, fy, cx, cy) = (k[0][0], k[1][1], k[0][2] + 0.5, k[1][2] + 0.5);
-        Self::of(flipped([1.0, -1.0, 1.0]) * view, Projection::Pinhole { fx, fy, cx, cy })
+        Self::of(unmirrored(flipped([1.0, -1.0, 1.0]) * view)?, Projection::Pinhole { fx, fy, cx, cy })
     }
 
     /// OpenGL's camera: the view matrix [4, 4], whose z points backward, the projection matrix [4, 4], both for column vectors, and
@@ -148,8 +155,9 @@ impl Camera {
     fn from_opengl(view: &Bound<'_, PyAny>, projection: &Bound<'_, PyAny>, size: (u32, u32)) -> PyResult<Self> {
         let clip = ClipSpace { y_up: true, symmetric_z: true, reversed_z: false };
         let projection = DMat4::from_cols_array_2d(&matrix::<4, 4>(projection, "projection")?).transpose();
-        let matrices =
-            CameraMatrices { view: affine(view)?.to_cols_array_2d(), projection: projection.to_cols_array_2d() };
+        let view = affine(view)?;
+        unmirrored(flipped([1.0, 1.0, -1.0]) * view)?;
+        let matrices = CameraMatrices { view: view.to_cols_array_2d(), projection: projection.to_cols_array_2d() };
         Ok(Self { camera: *HostCamera::new(&matrices, clip, size).raise()?.camera() })
     }
 
@@ -170,7 +178,7 @@ impl Camera {
         let rows = matrix::<3, 3>(R, "R")?;
         let columns = std::array::from_fn(|i| std::array::from_fn(|j| rows[j][i]));
         let view = rigid(columns, vector(T, "T")?);
-        Self::of(flipped([-1.0, 1.0, 1.0]) * view, projection(fov_y, half_height, pinhole)?)
+        Self::of(unmirrored(flipped([-1.0, 1.0, 1.0]) * view)?, projection(fov_y, half_height, pinhole)?)
     }
 
     /// The official renderer's projection camera: a [3, 4] matrix, distortion (k1, k2, p1, p2, k3), and the side of its
@@ -216,8 +224,23 @@ impl Camera {
         format!("softras.Camera(view=[{x:?}, {y:?}, {z:?}], {:?})", self.camera.projection())
     }
 
+    /// The camera with this view and these fields of a projection, as another camera has them.
+    #[staticmethod]
+    fn _restored(view: &Bound<'_, PyAny>, fields: &Bound<'_, PyDict>) -> PyResult<Self> {
+        let number = |name: &str| fields.get_item(name)?.map(|value| value.extract::<f64>()).transpose();
+        let pinhole = fields.get_item("pinhole")?.map(|value| value.extract()).transpose()?;
+        let projection = match number("original_size")? {
+            _ if fields.is_empty() => Projection::Screen,
+            None => projection(number("fov_y")?, number("half_height")?, pinhole)?,
+            Some(original_size) => {
+                Projection::Official { distortion: fields.as_any().get_item("distortion")?.extract()?, original_size }
+            }
+        };
+        Ok(Self { camera: softras::Camera::from_affine(affine(view)?, projection).raise()? })
+    }
+
     fn __reduce__(&self, py: Python<'_>) -> PyResult<(Py<PyAny>, Py<PyAny>)> {
-        let rebuild = py.import("softras._rebuild")?.getattr("camera")?;
+        let rebuild = py.get_type::<Self>().getattr("_restored")?;
         Ok((rebuild.unbind(), (self.view(py)?, self.projection(py)?).into_py_any(py)?))
     }
 }

@@ -44,8 +44,8 @@ pub const LOSSES: [(&str, ImageLoss); 3] =
 
 impl Plan<'_> {
     fn targets(&self) -> PyResult<Views> {
-        let silhouette = self.silhouette.as_ref().map(|value| image(value, "silhouette", 1)).transpose()?;
-        let color = self.color.as_ref().map(|value| image(value, "color", 3)).transpose()?;
+        let silhouette = self.silhouette.as_ref().map(|value| image(value, "silhouette", 1, "mask")).transpose()?;
+        let color = self.color.as_ref().map(|value| image(value, "color", 3, "picture")).transpose()?;
         Ok(Views { cameras: cameras(&self.cameras)?, silhouette, color, ..Views::default() })
     }
 

@@ -87,7 +87,8 @@ impl Frame {
             let text = "backward: the frame was rendered for looking at only: render it with save=True";
             return Err(exception("BackwardError", text));
         }
-        let [color, silhouette, depth, normal] = gradients::upstream(upstream, image)?;
+        let [color, silhouette, depth, normal] =
+            gradients::upstream(upstream, |value, name, channels| image(value, name, channels, "number"))?;
         let upstream = ImageGradient { color, silhouette, depth, normal };
         let wanted = match by {
             Some(by) => wanted(by, mode)?,

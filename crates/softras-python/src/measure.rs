@@ -29,7 +29,7 @@ pub fn mask_iou<'py>(
     target: &Bound<'py, PyAny>,
 ) -> PyResult<Bound<'py, PyArray1<f64>>> {
     let py = prediction.py();
-    let (prediction, target) = (image(prediction, "prediction", 1)?, image(target, "target", 1)?);
+    let (prediction, target) = (image(prediction, "prediction", 1, "mask")?, image(target, "target", 1, "mask")?);
     let found = py.detach(|| softras_fit::mask_iou(&prediction, &target)).raise()?;
     Ok(PyArray1::from_vec(py, found))
 }
@@ -41,7 +41,7 @@ pub fn mask_iou<'py>(
 #[pyo3(signature = (mask, sigma, sheets = 2.0))]
 pub fn blurred_mask(mask: &Bound<'_, PyAny>, sigma: f64, sheets: f64) -> PyResult<Py<PyAny>> {
     let py = mask.py();
-    let mask = image(mask, "mask", 1)?;
+    let mask = image(mask, "mask", 1, "mask")?;
     let soft = py.detach(|| softras_fit::soft_target(&mask, sigma, sheets)).raise()?;
     image_array(py, &soft)
 }
@@ -71,7 +71,7 @@ pub fn regularizer<'py>(
 ) -> PyResult<(f64, Bound<'py, PyArray2<f64>>)> {
     let known = [("normals", Regularizer::NormalConsistency), ("flatten", Regularizer::Flatten)];
     let penalty = chosen("regularizer", name, &known)?;
-    let array = arrays::doubles(positions, "vertices")?;
+    let array = arrays::doubles(positions, "vertices", "place")?;
     let points: Vec<DVec3> = array.as_slice()?.as_chunks::<3>().0.iter().copied().map(DVec3::from).collect();
     let topology = Topology::new(points.len(), &arrays::triangles(triangles, "faces")?).raise()?;
     let mut gradient = vec![DVec3::ZERO; points.len()];

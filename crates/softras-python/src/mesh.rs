@@ -29,8 +29,11 @@ struct Look<'py> {
     uv_triangles: Option<Bound<'py, PyAny>>,
     textures: Option<Bound<'py, PyAny>>,
     texture_of_triangle: Option<Bound<'py, PyAny>>,
-    wrap: String,
+    wrap: Option<Bound<'py, PyAny>>,
 }
+
+/// The parts of a textured appearance: UVs, their triangles, the textures, and which one each triangle shows.
+type Textured = (Vec<[f32; 2]>, Vec<[u32; 3]>, Vec<Texture>, Vec<u32>);
 
 impl From<softras::Mesh> for Mesh {
     fn from(mesh: softras::Mesh) -> Self {
@@ -39,8 +42,8 @@ impl From<softras::Mesh> for Mesh {
 }
 
 /// One colour for the mesh or one for each vertex.
-fn colors(value: &Bound<'_, PyAny>) -> PyResult<Appearance> {
-    let array = floats(value, "colors")?;
+fn colors(value: &Bound<'_, PyAny>, means: &str) -> PyResult<Appearance> {
+    let array = floats(value, "colors", means)?;
     match (array.shape(), array.as_slice()?) {
         ([3], &[r, g, b]) => Ok(Appearance::Uniform([r, g, b])),
         ([_, 3], flat) => Ok(Appearance::VertexColors(flat.as_chunks::<3>().0.to_vec())),
@@ -49,8 +52,8 @@ fn colors(value: &Bound<'_, PyAny>) -> PyResult<Appearance> {
 }
 
 /// Cells of each triangle, `[T, R², 3]`.
-fn surface(value: &Bound<'_, PyAny>) -> PyResult<Appearance> {
-    let array = floats(value, "surface")?;
+fn surface(value: &Bound<'_, PyAny>, means: &str) -> PyResult<Appearance> {
+    let array = floats(value, "surface", means)?;
     let resolution = match array.shape() {
         [_, cells, 3] => (1..=1024u32).find(|r| (*r as usize).pow(2) == *cells),
         _ => None,
@@ -62,20 +65,20 @@ fn surface(value: &Bound<'_, PyAny>) -> PyResult<Appearance> {
     Ok(Appearance::Surface { resolution, texels: array.as_slice()?.as_chunks::<3>().0.to_vec() })
 }
 
-/// A texture of `[height, width, 3]`, or 4 with alpha; of bytes, or Pillow's, it is a picture in sRGB.
-fn texture(value: &Bound<'_, PyAny>, wrap: Wrap) -> PyResult<Texture> {
-    let value = &value.py().import("softras._rebuild")?.getattr("linear")?.call1((value,))?;
-    let array = floats(value, "texture")?;
+/// A texture of `[height, width, 3]`, or 4 with alpha.
+fn texture(value: &Bound<'_, PyAny>, means: &str) -> PyResult<Texture> {
+    let array = floats(value, "texture", means)?;
     let side = |side: usize| u32::try_from(side).unwrap_or(u32::MAX);
     match *array.shape() {
         [height, width, 3] => {
             let texels = array.as_slice()?.as_chunks::<3>().0.to_vec();
-            Texture::new(side(width), side(height), texels, wrap).raise()
+            Texture::new(side(width), side(height), texels, Wrap::Repeat).raise()
         }
         [height, width, 4] => {
             let texels = array.as_slice()?.as_chunks::<4>().0;
             let (rgb, alpha) = texels.iter().map(|&[r, g, b, a]| ([r, g, b], a)).unzip();
-            Texture::new(side(width), side(height), rgb, wrap).and_then(|t| t.with_alpha(alpha)).raise()
+            let made = Texture::new(side(width), side(height), rgb, Wrap::Repeat);
+            made.and_then(|texture| texture.with_alpha(alpha)).raise()
         }
         _ => {
             let fix = "give [height, width, 3], or 4 with alpha";
@@ -85,41 +88,80 @@ fn texture(value: &Bound<'_, PyAny>, wrap: Wrap) -> PyResult<Texture> {
 }
 
 /// Textures from one array or several.
-fn textures(value: &Bound<'_, PyAny>, wrap: Wrap) -> PyResult<Vec<Texture>> {
+fn textures(value: &Bound<'_, PyAny>, means: &str) -> PyResult<Vec<Texture>> {
     let is_array = value.hasattr("ndim")? && value.getattr("ndim")?.extract::<usize>()? == 3;
     if is_array || value.hasattr("getbands")? {
-        return Ok(vec![texture(value, wrap)?]);
+        return Ok(vec![texture(value, means)?]);
     }
-    value.try_iter()?.map(|one| texture(&one?, wrap)).collect()
+    value.try_iter()?.map(|one| texture(&one?, means)).collect()
+}
+
+const WRAPS: [(&str, Wrap); 2] = [("repeat", Wrap::Repeat), ("clamp", Wrap::Clamp)];
+
+/// The wrap of each texture, from one name for all or a list of names.
+fn wraps(value: &Bound<'_, PyAny>, count: usize) -> PyResult<Vec<Wrap>> {
+    let names = match value.extract::<String>() {
+        Ok(name) => vec![name; count],
+        Err(_) => value.extract::<Vec<String>>().map_err(|_| bad_input("wrap is no name", "give repeat or clamp"))?,
+    };
+    if names.len() != count {
+        return Err(bad_input(
+            format!("wrap has {} names for {count} textures", names.len()),
+            "give one for each, or one",
+        ));
+    }
+    names.iter().map(|name| chosen("wrap", name, &WRAPS)).collect()
 }
 
 impl Look<'_> {
-    /// What the arguments describe; `None` where none is given.
-    fn appearance(&self, faces: &[[u32; 3]]) -> PyResult<Option<Appearance>> {
-        match (&self.colors, &self.surface, &self.textures) {
-            (None, None, None) if self.uvs.is_none() => Ok(None),
-            (Some(value), None, None) => colors(value).map(Some),
-            (None, Some(value), None) => surface(value).map(Some),
-            (None, None, Some(images)) => {
-                let Some(uvs) = &self.uvs else {
-                    return Err(bad_input("textures without uvs", "give uvs, [UVs, 2]"));
-                };
-                let of_triangle = self.texture_of_triangle.as_ref();
-                let wrap = chosen("wrap", &self.wrap, &[("repeat", Wrap::Repeat), ("clamp", Wrap::Clamp)])?;
-                let uv_triangles = self.uv_triangles.as_ref();
-                Ok(Some(Appearance::Textured {
-                    uvs: rows(uvs, "uvs")?,
-                    uv_triangles: uv_triangles.map_or(Ok(faces.to_vec()), |t| triangles(t, "uv_triangles"))?,
-                    textures: textures(images, wrap)?,
-                    texture_of_triangle: of_triangle
-                        .map_or(Ok(Vec::new()), |i| arrays::indices(i, "texture_of_triangle").map(|(i, _)| i))?,
-                }))
-            }
+    /// What the arguments describe; `None` where none is given. A textured mesh of `own` adds to textures or UVs what they lack.
+    fn appearance(&self, faces: &[[u32; 3]], own: Option<&softras::Mesh>, light: &str) -> PyResult<Option<Appearance>> {
+        match (&self.colors, &self.surface, &self.textures, &self.uvs) {
+            (None, None, None, None) => Ok(None),
+            (Some(value), None, None, None) => colors(value, light).map(Some),
+            (None, Some(value), None, None) => surface(value, light).map(Some),
+            (None, None, _, _) => self.textured(faces, own, light).map(Some),
             _ => Err(bad_input(
                 "a mesh has one appearance",
                 "give colors, or surface, or textures with uvs, and not several of them",
             )),
         }
+    }
+
+    fn textured(&self, faces: &[[u32; 3]], own: Option<&softras::Mesh>, light: &str) -> PyResult<Appearance> {
+        let own: Option<Textured> = match own.map(softras::Mesh::appearance) {
+            Some(Appearance::Textured { uvs, uv_triangles, textures, texture_of_triangle }) => {
+                Some((uvs.clone(), uv_triangles.clone(), textures.clone(), texture_of_triangle.clone()))
+            }
+            _ => None,
+        };
+        let (uvs, uv_triangles, images, of_triangle) =
+            own.unwrap_or((Vec::new(), faces.to_vec(), Vec::new(), Vec::new()));
+        let wrap_of_own = images.iter().map(Texture::wrap).collect();
+        let images = match &self.textures {
+            Some(given) => textures(given, if light == "light" { "texture" } else { light })?,
+            None => images,
+        };
+        let of_each: Vec<Wrap> = match &self.wrap {
+            Some(given) => wraps(given, images.len())?,
+            None => wrap_of_own,
+        };
+        if images.is_empty() || (self.uvs.is_none() && uvs.is_empty()) {
+            return Err(bad_input("textures without uvs, or uvs without textures", "give both"));
+        }
+        let wrapped = |(i, image): (usize, Texture)| image.with_wrap(of_each.get(i).copied().unwrap_or_default());
+        Ok(Appearance::Textured {
+            uvs: self.uvs.as_ref().map_or(Ok(uvs), |given| rows(given, "uvs"))?,
+            uv_triangles: self
+                .uv_triangles
+                .as_ref()
+                .map_or(Ok(uv_triangles), |given| triangles(given, "uv_triangles"))?,
+            textures: images.into_iter().enumerate().map(wrapped).collect(),
+            texture_of_triangle: match &self.texture_of_triangle {
+                Some(given) => arrays::indices(given, "texture_of_triangle")?.0,
+                None => of_triangle,
+            },
+        })
     }
 }
 
@@ -129,8 +171,10 @@ impl Mesh {
     /// counter-clockwise seen from outside.
     ///
     /// One appearance: `colors` [3] or [V, 3]; `surface` [T, R², 3], the official surface cells; or `textures`, one array
-    /// [height, width, 3 or 4 with alpha] or several, linear floats or a picture in sRGB (uint8, or Pillow's), with `uvs` [U, 2], `uv_triangles` [T, 3] (the triangles unless
-    /// given), `texture_of_triangle` [T] and `wrap` ("repeat", "clamp"). White without any. Raises MeshError, InputError.
+    /// [height, width, 3 or 4 with alpha] or several, or Pillow's pictures, with `uvs` [U, 2], `uv_triangles` [T, 3] (the triangles unless
+    /// given), `texture_of_triangle` [T] and `wrap`, "repeat" or "clamp", or a list with one for each texture. White without any.
+    /// Colours of floats are linear light, of which 1 is white; those of uint8 and uint16 are sRGB and are decoded. Raises MeshError,
+    /// InputError.
     #[new]
     #[pyo3(
         signature = (positions, triangles, *, **look),
@@ -222,13 +266,13 @@ impl Mesh {
         (!normals.is_empty()).then(|| arrays::array(py, normals.to_vec())).transpose()
     }
 
-    /// What textures show outside the unit square: "repeat" or "clamp".
+    /// What textures show outside the unit square, "repeat" or "clamp": a list with one for each texture where they differ.
     #[getter]
-    fn wrap(&self) -> &'static str {
-        match self.mesh.appearance() {
-            Appearance::Textured { textures, .. } if textures.iter().any(|t| t.wrap() == Wrap::Clamp) => "clamp",
-            _ => "repeat",
-        }
+    fn wrap(&self, py: Python<'_>) -> PyResult<Py<PyAny>> {
+        let name = |texture: &Texture| if texture.wrap() == Wrap::Clamp { "clamp" } else { "repeat" };
+        let Appearance::Textured { textures, .. } = self.mesh.appearance() else { return "repeat".into_py_any(py) };
+        let names: Vec<_> = textures.iter().map(name).collect();
+        if names.iter().all(|name| *name == names[0]) { names[0].into_py_any(py) } else { names.into_py_any(py) }
     }
 
     /// What the file contains and the mesh does not, each with its line.
@@ -266,19 +310,34 @@ impl Mesh {
                           texture_of_triangle=None, wrap='repeat')"
     )]
     fn looking(&self, look: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
-        let Some(given) = look else { return Ok(self.clone()) };
-        let whole = given.py().import("softras._rebuild")?.getattr("look")?.call((), Some(given))?;
-        let Some(appearance) = whole.extract::<Look<'_>>()?.appearance(self.mesh.triangles())? else {
-            return Ok(self.clone());
-        };
-        let mesh = self.mesh.clone().with_appearance(appearance).raise()?;
-        Ok(Self { mesh, notes: self.notes.clone() })
+        self.dressed(look, None, "light")
+    }
+
+    /// As `with_look`; what textures or UVs lack is the mesh's own.
+    #[pyo3(signature = (**look))]
+    fn _with_part_of_look(&self, look: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
+        self.dressed(look, Some(&self.mesh), "light")
+    }
+
+    /// The mesh that was pickled, whose colours may be brighter than those of arrays.
+    #[staticmethod]
+    fn _restored(
+        positions: &Bound<'_, PyAny>,
+        triangles: &Bound<'_, PyAny>,
+        look: &Bound<'_, PyDict>,
+        normals: Option<&Bound<'_, PyAny>>,
+        notes: Vec<String>,
+    ) -> PyResult<Self> {
+        let faces = arrays::triangles(triangles, "triangles")?;
+        let mesh = softras::Mesh::new(rows(positions, "positions")?, faces).raise()?;
+        Self { mesh, notes }.dressed(Some(look), None, "number")?.with_normals(normals)
     }
 
     /// Writes a mesh file, .obj with its materials and textures, .ply or .glb, each file whole or not at all; returns their paths.
-    /// `srgb` encodes textures from linear numbers; otherwise a texel is its number, and `load` reads an equal mesh of an .obj file.
-    /// Raises IoError; MeshError for what the format cannot hold, as surface cells with R > 1; FileError for other endings.
-    #[pyo3(signature = (path, *, srgb = false))]
+    /// Colours are encoded from linear light to sRGB, as picture files have them and `load` expects; with srgb=False a number is
+    /// written as it is. Raises IoError; MeshError for what the format cannot hold, as surface cells with R > 1; FileError for other
+    /// endings.
+    #[pyo3(signature = (path, *, srgb = true))]
     fn save(&self, path: PathBuf, srgb: bool) -> PyResult<Vec<PathBuf>> {
         softras_io::save_with(&self.mesh, &path, &SaveOptions { srgb, ..SaveOptions::default() }).raise()
     }
@@ -305,10 +364,22 @@ impl Mesh {
         look.set_item("uv_triangles", self.uv_triangles(py)?)?;
         look.set_item("textures", self.textures(py)?)?;
         look.set_item("texture_of_triangle", self.texture_of_triangle(py))?;
-        look.set_item("wrap", self.wrap())?;
-        let rebuild = py.import("softras._rebuild")?.getattr("mesh")?;
-        let parts = (self.positions(py)?, self.triangles(py)?, look, self.normals(py)?);
+        look.set_item("wrap", self.wrap(py)?)?;
+        let rebuild = py.get_type::<Self>().getattr("_restored")?;
+        let parts = (self.positions(py)?, self.triangles(py)?, look, self.normals(py)?, self.notes());
         Ok((rebuild.unbind(), parts.into_py_any(py)?))
+    }
+}
+
+impl Mesh {
+    fn dressed(&self, look: Option<&Bound<'_, PyDict>>, own: Option<&softras::Mesh>, light: &str) -> PyResult<Self> {
+        let Some(given) = look else { return Ok(self.clone()) };
+        let whole = given.py().import("softras._arrays")?.getattr("look")?.call((), Some(given))?;
+        let Some(appearance) = whole.extract::<Look<'_>>()?.appearance(self.mesh.triangles(), own, light)? else {
+            return Ok(self.clone());
+        };
+        let mesh = self.mesh.clone().with_appearance(appearance).raise()?;
+        Ok(Self { mesh, notes: self.notes.clone() })
     }
 }
 
@@ -327,11 +398,11 @@ pub fn meshes(value: &Bound<'_, PyAny>) -> PyResult<Vec<softras::Mesh>> {
 
 /// Reads a mesh file: .obj with materials and textures, .ply, .stl, .gltf or .glb.
 ///
-/// `srgb` decodes textures to linear colours; otherwise a texel is its value / 255, as in the official code.
+/// Colours in sRGB are decoded to linear light; with srgb=False a texel is its value / 255, as in the official code.
 /// `allow_outside` allows materials and textures outside the file's folder, `strict` refuses a file of which something
 /// is not kept, instead of telling it in `notes`. Raises IoError, FileError.
 #[pyfunction]
-#[pyo3(signature = (path, *, srgb = false, allow_outside = false, strict = false))]
+#[pyo3(signature = (path, *, srgb = true, allow_outside = false, strict = false))]
 pub fn load(py: Python<'_>, path: PathBuf, srgb: bool, allow_outside: bool, strict: bool) -> PyResult<Mesh> {
     let options = LoadOptions { srgb, allow_outside, strict, ..LoadOptions::default() };
     let loaded = py.detach(|| softras_io::load_with(&path, &options).and_then(softras_io::Loaded::at_place)).raise()?;

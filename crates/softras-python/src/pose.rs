@@ -62,7 +62,8 @@ impl Plan<'_> {
     }
 
     fn search(&self, mesh: &Mesh, camera: &Camera, center: DVec3) -> PyResult<PoseSearch> {
-        let (color, silhouette) = (image(&self.color, "color", 3)?, image(&self.silhouette, "silhouette", 1)?);
+        let color = image(&self.color, "color", 3, "picture")?;
+        let silhouette = image(&self.silhouette, "silhouette", 1, "mask")?;
         let mut settings = settings::settings(self.settings.as_ref())?;
         if self.settings.is_none() {
             let (near, far) = depths(&mesh.mesh, camera, center);

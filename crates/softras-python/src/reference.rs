@@ -35,8 +35,14 @@ fn starts(parameters: &Parameters, inputs: &Inputs) -> Vec<(usize, usize)> {
 }
 
 /// Replaces an array of the parameters by values in double precision.
-fn replace(values: &mut [f64], start: usize, count: usize, by: &Bound<'_, PyAny>, name: &str) -> PyResult<()> {
-    let array = doubles(by, name)?;
+fn replace(
+    values: &mut [f64],
+    start: usize,
+    count: usize,
+    by: &Bound<'_, PyAny>,
+    [name, means]: [&str; 2],
+) -> PyResult<()> {
+    let array = doubles(by, name, means)?;
     let given = array.as_slice()?;
     if given.len() != count {
         let what = format!("{name} has {} values, the mesh {count}", given.len());
@@ -61,10 +67,10 @@ fn parameters<'py>(
     for (i, (at_positions, at_colors)) in starts.into_iter().enumerate() {
         let counts = [all.positions(i).len(), all.colors(i).len()];
         if let Some(given) = positions.get(i) {
-            replace(all.values_mut(), at_positions, counts[0], given, "positions")?;
+            replace(all.values_mut(), at_positions, counts[0], given, ["positions", "place"])?;
         }
         if let Some(given) = colors.get(i) {
-            replace(all.values_mut(), at_colors, counts[1], given, "colors")?;
+            replace(all.values_mut(), at_colors, counts[1], given, ["colors", "light"])?;
         }
     }
     Ok(all)
@@ -160,7 +166,7 @@ pub fn reference_gradient<'py>(
     upstream: Option<&Bound<'py, PyDict>>,
 ) -> PyResult<Gradients> {
     let inputs = Inputs::new(meshes, cameras, settings, lights)?;
-    let read = |value: &Bound<'_, PyAny>, name: &str, _| Ok(doubles(value, name)?.as_slice()?.to_vec());
+    let read = |value: &Bound<'_, PyAny>, name: &str, _| Ok(doubles(value, name, "number")?.as_slice()?.to_vec());
     let [d_color, d_silhouette, d_depth, d_normal] = gradients::upstream(upstream, read)?;
     let upstream = Upstream { d_color, d_silhouette, d_depth, d_normal };
     let mode = gradient_mode(mode)?;

@@ -1,6 +1,6 @@
 //! The settings, lights and wanted gradients of `softras.settings`, read from their fields.
 
-use crate::arrays::vector;
+use crate::arrays::{color, vector};
 use crate::exceptions::bad_input;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -72,7 +72,7 @@ pub fn settings(value: Option<&Bound<'_, PyAny>>) -> PyResult<Settings> {
         near: float("near")?,
         far: float("far")?,
         outputs: outputs(&value.getattr("outputs")?)?,
-        background_color: vector(&value.getattr("background_color")?, "background_color")?,
+        background_color: color(&value.getattr("background_color")?, "background_color")?,
         support: field(
             value,
             "support",
@@ -126,13 +126,13 @@ pub fn lights(value: Option<&Bound<'_, PyAny>>) -> PyResult<Lights> {
     let one = |light: Bound<'_, PyAny>| -> PyResult<DirectionalLight> {
         Ok(DirectionalLight {
             direction: vector(&light.getattr("direction")?, "direction")?,
-            color: vector(&light.getattr("color")?, "color")?,
+            color: color(&light.getattr("color")?, "color")?,
             intensity: number(&light, "intensity")?,
         })
     };
     let directional = value.getattr("directional")?.try_iter()?.map(|light| one(light?)).collect::<PyResult<_>>()?;
     Ok(Lights {
-        ambient_color: vector(&value.getattr("ambient_color")?, "ambient_color")?,
+        ambient_color: color(&value.getattr("ambient_color")?, "ambient_color")?,
         ambient_intensity: number(value, "ambient_intensity")?,
         directional,
         shading: field(value, "shading", &[("flat", Shading::Flat), ("smooth", Shading::Smooth)])?,

@@ -62,7 +62,7 @@ impl Grid {
 #[pyfunction]
 pub fn solid_voxels<'py>(faces: &Bound<'py, PyAny>, size: usize) -> PyResult<Bound<'py, PyArray3<bool>>> {
     let py = faces.py();
-    let array = floats(faces, "faces")?;
+    let array = floats(faces, "faces", "place")?;
     if !matches!(array.shape(), [_, 3, 3]) || !(1..=softras_fit::MAX_RESOLUTION).contains(&size) {
         let what = format!("faces of shape {:?} in {size} voxels a side", array.shape());
         return Err(bad_input(what, "give [F, 3, 3] and 1 to 512 voxels"));

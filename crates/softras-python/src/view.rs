@@ -1,5 +1,6 @@
 //! Pictures of meshes for people.
 
+use crate::arrays::color;
 use crate::exceptions::{Raise, bad_input};
 use crate::mesh::Mesh;
 use crate::renderer::Renderer;
@@ -17,13 +18,13 @@ use std::path::PathBuf;
 /// The arguments of a picture, all of which `softras.view` gives.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
-pub struct Plan {
+pub struct Plan<'py> {
     size: (u32, u32),
     azimuth: f64,
     elevation: f64,
     fov: f64,
     up: Option<[f64; 3]>,
-    background: Option<[f64; 3]>,
+    background: Option<Bound<'py, PyAny>>,
     sigma: Option<f64>,
     gamma: f64,
     samples: Option<u32>,
@@ -33,14 +34,14 @@ pub struct Plan {
     turntable: Option<usize>,
 }
 
-impl Plan {
+impl Plan<'_> {
     fn options(&self) -> PyResult<Options> {
         let Self { azimuth, elevation, fov, up, .. } = *self;
         let shading = chosen("shading", &self.shading, &[("smooth", Shading::Smooth), ("flat", Shading::Flat)])?;
         let look = Look {
             size: self.size,
             sigma: self.sigma,
-            background: self.background,
+            background: self.background.as_ref().map(|value| color(value, "background")).transpose()?,
             model: Settings { gamma: self.gamma, ..Look::default().model },
             ..Look::default()
         };
@@ -69,7 +70,7 @@ pub fn view<'py>(
     py: Python<'py>,
     subject: Subject,
     renderer: &Renderer,
-    plan: Plan,
+    plan: Plan<'py>,
 ) -> PyResult<Bound<'py, PyArray4<u8>>> {
     let made = match subject {
         Subject::Mesh(mesh) => View::of(&mesh.mesh),

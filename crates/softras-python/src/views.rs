@@ -76,15 +76,15 @@ pub struct Plan<'py> {
 
 impl Plan<'_> {
     fn views(&self) -> PyResult<Views> {
-        let array = |value: &Option<Bound<'_, PyAny>>, name: &str, channels: usize| {
-            value.as_ref().map(|value| image(value, name, channels)).transpose()
+        let array = |value: &Option<Bound<'_, PyAny>>, name: &str, channels: usize, means: &str| {
+            value.as_ref().map(|value| image(value, name, channels, means)).transpose()
         };
         Ok(Views {
             cameras: cameras(&self.cameras)?,
-            silhouette: array(&self.silhouette, "silhouette", 1)?,
-            color: array(&self.color, "color", 3)?,
-            depth: array(&self.depth, "depth", 1)?,
-            normal: array(&self.normal, "normal", 3)?,
+            silhouette: array(&self.silhouette, "silhouette", 1, "mask")?,
+            color: array(&self.color, "color", 3, "picture")?,
+            depth: array(&self.depth, "depth", 1, "place")?,
+            normal: array(&self.normal, "normal", 3, "place")?,
             ..Views::default()
         })
     }

@@ -71,6 +71,37 @@ def test_a_step_of_some_of_the_views(cube_views):
     assert np.ptp(some) > 1e-4
 
 
+def test_masks_are_decoded_or_refused(cube_views):
+    ball, camera = softras.shapes.icosphere(2), views(6)
+    mask = cube_views.silhouette > 0.5
+    settings = softras.Settings(width=48, height=48).with_depths_of(softras.shapes.cube(), camera, 0.5)
+
+    def losses(mask, color=None):
+        return softras.deform(ball, camera, silhouette=mask, color=color, settings=settings, steps=2).losses["loss"]
+
+    expected = losses(mask.astype(float))
+    for kind in (mask, mask.astype(np.int64), mask.astype(np.uint8), 255 * mask.astype(np.uint8), 65535 * mask.astype(np.uint16)):
+        np.testing.assert_array_equal(losses(kind), expected)
+    given = {"silhouette": cube_views.silhouette[:1], "color": cube_views.color[:1]}
+    for bad in (255.0 * mask, 255 * mask.astype(int), 255 * mask.astype(np.uint16), 2 * mask.astype(np.uint8), -1.0 * mask, mask * np.nan):
+        calls = [
+            lambda: losses(bad),
+            lambda: softras.Views(camera, silhouette=bad).fit(steps=1),
+            lambda: softras.pose(ball, camera[0], **{**given, "silhouette": bad[:1]}),
+            lambda: softras.mask_iou(bad, mask),
+            lambda: softras.blurred_mask(bad, 1e-3),
+        ]
+        for call in calls:
+            with pytest.raises(softras.errors.InputError, match="give bools, floats from 0 to 1"):
+                call()
+    picture = (255 * cube_views.color.clip(0, 1)).astype(np.uint8)
+    linear = np.where(picture > 10.31, ((picture / 255 + 0.055) / 1.055) ** 2.4, picture / 255 / 12.92)
+    np.testing.assert_allclose(losses(mask, picture), losses(mask, linear), rtol=1e-6)
+    for bad in (255.0 * picture, picture.astype(int), picture > 3):
+        with pytest.raises(softras.errors.InputError, match="color: .* give floats of linear light"):
+            losses(mask, bad)
+
+
 def endless_fit(cube_views, **given):
     softras.fit(softras.shapes.icosphere(3), views(6), silhouette=cube_views.silhouette, steps=1_000_000, **given)
 

@@ -1,7 +1,8 @@
 """Images and gradients on numpy arrays."""
 
-import inspect
+import copy
 import dataclasses
+import inspect
 import os
 import pathlib
 import pickle
@@ -131,20 +132,88 @@ def test_cameras_of_other_conventions_are_the_same_camera(bumpy, settings):
     expected = softras.render(bumpy, own, settings).color
     for camera in same:
         assert np.abs(softras.render(bumpy, camera, settings).color - expected).max() < 1e-4, camera
+    mirror, mirrors = np.diag([-1.0, 1.0, 1.0]), []
     for foreign in (opencv, opengl):
-        with pytest.raises(softras.errors.InputError, match="from_opencv, from_opengl or from_pytorch3d"):
-            softras.Camera.from_matrix(foreign, fov_y=fov_y)
+        mirrors.append(lambda foreign=foreign: softras.Camera.from_matrix(foreign, fov_y=fov_y))
+    mirrors.append(lambda: softras.Camera.from_opencv(k, mirror @ opencv[:3, :3], opencv[:3, 3]))
+    mirrors.append(lambda: softras.Camera.from_opengl(np.diag([-1.0, 1.0, 1.0, 1.0]) @ opengl, clip, (width, height)))
+    mirrors.append(lambda: softras.Camera.from_pytorch3d(pytorch3d[:3, :3].T @ mirror, pytorch3d[:3, 3], fov_y=fov_y))
+    for call in mirrors:
+        with pytest.raises(softras.errors.CameraError, match="from_opencv, from_opengl or from_pytorch3d"):
+            call()
+    for bad in (np.zeros((3, 3)), np.diag([1.0, 1.0, 0.0]), 2.0 * np.eye(3), np.eye(3) + np.eye(3, k=1), np.full((3, 3), np.nan)):
+        doors = [
+            lambda: softras.Camera.from_matrix(np.c_[bad @ own.view[:, :3], [0, 0, 3]], fov_y=fov_y),
+            lambda: softras.Camera.from_opencv(k, bad, [0, 0, 3]),
+            lambda: softras.Camera.from_pytorch3d(bad, [0, 0, 3], fov_y=fov_y),
+            lambda: softras.Camera.from_opengl(np.block([[bad, np.ones((3, 1))], [np.zeros((1, 3)), 1]]), clip, (width, height)),
+        ]
+        for door in doors:
+            with pytest.raises(softras.errors.CameraError):
+                door()
+    assert softras.Camera.from_angles(3, 90, 0, fov_y=fov_y).view[2, 3] == 3
+    with pytest.raises(softras.errors.CameraError, match="give another up"):
+        softras.Camera.look_at((0, 3, 0), (0, 0, 0), fov_y=fov_y)
     assert softras.Camera.from_matrix(opencv, fov_y=fov_y, mirrored=True).view.shape == (3, 4)
     with pytest.raises(softras.errors.InputError, match="skew"):
         softras.Camera.from_opencv([[1, 2, 3], [0, 1, 0], [0, 0, 1]], np.eye(3), np.zeros(3))
 
 
+def square(**look):
+    """A square of two triangles, each corner with its UV."""
+    positions, triangles = [[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], [[0, 1, 2], [0, 2, 3]]
+    if "textures" in look:
+        look["uvs"] = [[0, 0], [1, 0], [1, 1], [0, 1]]
+    return softras.Mesh(positions, triangles, **look)
+
+
+def texel(picture):
+    return square(textures=picture).textures[0][0, 0]
+
+
 def test_pictures_are_textures_in_srgb():
     image = pytest.importorskip("PIL.Image").new("RGB", (4, 2), (128, 0, 255))
-    positions, triangles = [[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], [[0, 1, 2], [0, 2, 3]]
     for picture in (image, np.asarray(image), [image.convert("RGBA")]):
-        mesh = softras.Mesh(positions, triangles, textures=picture, uvs=[[0, 0], [1, 0], [1, 1], [0, 1]])
-        assert np.allclose(mesh.textures[0][0, 0, :3], [0.21586, 0.0, 1.0], atol=1e-5)
+        assert np.allclose(texel(picture)[:3], [0.21586, 0.0, 1.0], atol=1e-5)
+    made = sys.modules["PIL.Image"]
+    wide, light = np.full((2, 4), 32896, np.uint16), np.full((2, 4), 0.25, np.float32)
+    assert np.allclose(texel(made.fromarray(wide)), 0.21586, atol=1e-5) and np.allclose(texel(made.fromarray(light)), 0.25)
+    palette = made.new("P", (4, 2), 0)
+    palette.info["transparency"] = 0
+    assert texel(palette)[3] == 0
+    with pytest.raises(errors.InputError, match="mode I"):
+        texel(made.fromarray(wide.astype(np.int32)))
+
+
+def test_every_array_is_decoded_by_one_rule_or_refused(bumpy, cameras):
+    shapes = {"colors": (4, 3), "one colour": (3,), "surface": (2, 1, 3), "texture": (2, 4, 3), "background": (3,)}
+
+    def seen(where, kind, value):
+        array = np.full(shapes[where], value, kind)
+        if where == "background":
+            return softras.render(bumpy, cameras[0], softras.Settings(width=4, height=4, background_color=array)).color[0, 0, 0, 0]
+        mesh = square(**{{"texture": "textures", "one colour": "colors"}.get(where, where): array})
+        return np.ravel(mesh.textures[0] if where == "texture" else mesh.surface if where == "surface" else mesh.colors)[0]
+
+    for where in shapes:
+        for kind, value in (("u1", 128), ("u2", 32896), ("f2", 0.21586), ("f4", 0.21586), ("f8", 0.21586)):
+            assert abs(seen(where, kind, value) - 0.21586) < 1e-4, (where, kind)
+        assert seen(where, "i8", 1) == 1
+        for kind, value in (("i8", 128), ("i4", 2), ("u2", 255), ("?", 1), ("f4", 255), ("f4", np.nan), ("c8", 0.5), ("U3", 1)):
+            with pytest.raises(errors.InputError, match="give floats of linear light"):
+                seen(where, kind, value)
+    assert square(colors=[1, 0, 0]).colors.tolist() == [1, 0, 0]
+    positions = bumpy.positions.astype(int)
+    places = [
+        lambda: softras.Mesh(positions, bumpy.triangles),
+        lambda: bumpy.with_positions(positions),
+        lambda: bumpy.with_normals(positions),
+        lambda: square(textures=np.ones((2, 2, 3))).with_look(textures=np.ones((2, 2, 3)), uvs=np.eye(4, 2, dtype=int)),
+        lambda: softras.Views(cameras, depth=np.ones((2, 4, 4), np.uint16), silhouette=np.ones((2, 4, 4))).fit(steps=1),
+    ]
+    for place in places:
+        with pytest.raises(errors.InputError, match="give floats"):
+            place()
 
 
 def test_errors_are_typed_and_tell_the_fix(bumpy, cameras, settings):
@@ -224,6 +293,16 @@ def test_files_keep_a_mesh(tmp_path, bumpy):
         np.testing.assert_array_equal(read.positions, mesh.positions)
         np.testing.assert_array_equal(read.triangles, mesh.triangles)
         assert all(path.exists() for path in files) and repr(read) == repr(mesh)
+    # The same number is the same light, in any format and look.
+    looks = [{"colors": [0.5] * 3}, {"colors": np.full((4, 3), 0.5)}, {"textures": np.full((4, 4, 3), 0.5)}]
+    for mesh in [square(**look) for look in looks]:
+        view = {"size": 16, "unlit": True, "elevation": 0, "azimuth": 180}
+        expected = int(softras.view(mesh, **view)[8, 8, 0])
+        for ending in ("obj", "ply", "glb"):
+            mesh.save(tmp_path / f"grey.{ending}")
+            read = softras.load(tmp_path / f"grey.{ending}")
+            for seen in (tmp_path / f"grey.{ending}", read):
+                assert abs(int(softras.view(seen, **view)[8, 8, 0]) - expected) < 2, (mesh, seen)
     ply = tmp_path / "mesh.ply"
     ply.write_text(
         "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
@@ -237,17 +316,38 @@ def test_files_keep_a_mesh(tmp_path, bumpy):
     assert not (tmp_path / "other.stl").exists()
 
 
-def test_pickles_are_equal(bumpy, cameras, settings):
+def test_pickles_are_equal(tmp_path, bumpy, cameras, settings):
     made = softras.Camera.official(np.eye(3, 4), original_size=64.0), softras.Camera.screen(), *cameras
+    # Without perspective a scale that differs by axis is in the view.
+    clip = np.diag([0.5, 2.0, -0.1, 1.0])
+    made += softras.Camera.from_opengl(np.eye(4), clip, (8, 8)), softras.Camera.from_matrix(np.eye(4), fov_y=0.5, mirrored=True)
     for camera in made:
         again = pickle.loads(pickle.dumps(camera))
         np.testing.assert_array_equal(again.view, camera.view)
         assert again.projection == camera.projection
-    for mesh in (bumpy, softras.shapes.cube(), softras.shapes.fish()):
-        again = pickle.loads(pickle.dumps(mesh))
-        np.testing.assert_array_equal(again.positions, mesh.positions)
-        assert repr(again) == repr(mesh)
-    assert pickle.loads(pickle.dumps(settings)) == settings
+    textures = [np.full((4, 4, 4), 0.5), np.ones((2, 3, 3))]
+    mixed = square(textures=textures, texture_of_triangle=[0, 1], wrap=["repeat", "clamp"])
+    assert mixed.wrap == ["repeat", "clamp"] and softras.shapes.fish().wrap == "repeat"
+    with pytest.raises(errors.InputError, match="3 names for 2"):
+        square(textures=textures, wrap=["clamp"] * 3)
+    # A file may have notes, and colours that are brighter than those of arrays.
+    ply = "ply\nformat ascii 1.0\nelement vertex 3\n" + "".join(f"property float {n}\n" for n in ("x", "y", "z", "red", "green", "blue", "odd"))
+    (tmp_path / "lamp.ply").write_text(
+        ply + "element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0 900 1 1 7\n1 0 0 1 1 1 7\n0 1 0 1 1 1 7\n3 0 1 2\n"
+    )
+    parts = ("positions", "triangles", "colors", "surface", "uvs", "uv_triangles", "texture_of_triangle", "normals", "wrap", "notes")
+    named = bumpy.with_normals(bumpy.positions), softras.shapes.cube(), softras.shapes.fish(), mixed, softras.load(tmp_path / "lamp.ply")
+    for mesh in named:
+        for again in (pickle.loads(pickle.dumps(mesh)), copy.copy(mesh), copy.deepcopy(mesh)):
+            for part in parts:
+                np.testing.assert_array_equal(getattr(again, part), getattr(mesh, part), err_msg=part)
+            for texture, own in zip(again.textures or [], mesh.textures or []):
+                np.testing.assert_array_equal(texture, own)
+    views = softras.Views(cameras, silhouette=np.ones((2, 4, 4)))
+    again = pickle.loads(pickle.dumps(views))
+    assert (again.silhouette == views.silhouette).all() and (again.cameras[1].view == cameras[1].view).all()
+    for plain in (settings, softras.Lights.official()):
+        assert pickle.loads(pickle.dumps(plain)) == copy.deepcopy(plain) == plain
 
 
 def test_a_mesh_may_have_normals(bumpy, cameras, settings):

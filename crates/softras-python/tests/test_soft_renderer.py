@@ -276,6 +276,55 @@ def test_reset_takes_the_textures_that_a_program_set():
     assert mesh.textures.max() == 0.0
 
 
+ON_THE_CPU = """
+import concurrent.futures, threading, torch, softras.soft_renderer
+softras.soft_renderer.install()
+calls = [
+    lambda: torch.zeros(2, device="cuda"), lambda: torch.zeros(2).to(0), lambda: torch.zeros(2, device=0),
+    lambda: torch.zeros(2).to(device=0), lambda: torch.zeros(2, device=torch.device("cuda", 0)), lambda: torch.zeros(2).cuda(0),
+    lambda: torch.zeros(2).type("torch.cuda.FloatTensor"), lambda: torch.zeros(2).type(torch.cuda.HalfTensor),
+    lambda: torch.zeros(2).pin_memory(), lambda: torch.zeros(2, pin_memory=True), lambda: torch.nn.Linear(2, 2).to(0).weight,
+    lambda: torch.nn.Linear(2, 2, device="cuda:0").weight,
+    lambda: torch.rand(2, generator=torch.Generator(device="cuda").manual_seed(1), device="cuda"),
+]
+def work(found):
+    with torch.cuda.device(torch.cuda.current_device()):
+        found.extend(call().device.type for call in calls)
+    return found
+here, there = work([]), []
+thread = threading.Thread(target=work, args=(there,))
+thread.start()
+thread.join()
+with concurrent.futures.ThreadPoolExecutor(1) as pool:
+    pooled = pool.submit(work, []).result()
+print(here == there == pooled == ["cpu"] * len(calls), isinstance(torch.Generator("cuda"), torch.Generator))
+"""
+
+
+def test_the_cpu_is_found_by_threads_numbers_and_types():
+    hidden = {**os.environ, "CUDA_VISIBLE_DEVICES": ""}
+    result = subprocess.run([sys.executable, "-c", ON_THE_CPU], env=hidden, capture_output=True, text=True, timeout=120)
+    assert result.stdout.split() == ["True", "True"], result.stdout + result.stderr
+
+
+def test_integers_are_refused_and_gradients_of_zero_are_zeros():
+    with pytest.raises(softras.errors.InputError, match="vertices: .* give floats"):
+        sr.Mesh(TRIANGLE.long(), FACE)
+    with pytest.raises(softras.errors.InputError, match="textures: .* give floats"):
+        sr.Mesh(TRIANGLE.numpy(), FACE, np.ones((1, 1, 1, 3), np.uint8))
+    with pytest.raises(softras.errors.InputError, match="faces"):
+        sr.Mesh(TRIANGLE, FACE.numpy().astype(float))
+    vertices, textures = TRIANGLE.clone().requires_grad_(), torch.ones(1, 1, 1, 3, requires_grad=True)
+    images = seen().render_mesh(sr.Mesh(vertices, FACE, textures))
+    (images[:, 3] * 0).sum().backward()
+    assert not vertices.grad.any() and not textures.grad.any()
+    above = seen()
+    above.transform.set_eyes_from_angles(np.float32(2.7), np.int64(90), 0)
+    assert above.render_mesh(sr.Mesh(torch.tensor([[[-0.5, 0, -0.5], [0.5, 0, -0.5], [0.0, 0, 0.5]]]), FACE))[0, 3].sum() > 5
+    with pytest.raises(softras.errors.CameraError, match="give another up"):
+        srf.look_at(TRIANGLE, (0, 3, 0), up=(0, 1, 0))
+
+
 def test_modules_run_without_a_gpu(tmp_path):
     (tmp_path / "pkg").mkdir()
     (tmp_path / "pkg" / "main.py").write_text(
@@ -323,7 +372,8 @@ def test_colours_are_rendered_when_they_are_read(monkeypatch):
     """At once they are rendered only where those of the last images were read; values and gradients are the same."""
     colors, start = torch.rand(1, 1, 1, 3), TRIANGLE + torch.tensor([0.0, 0.0, 3.0])
     rendered, render = [], softras._scene.render
-    monkeypatch.setattr(softras._scene, "render", lambda scene, *rest: rendered.append(scene.late) or render(scene, *rest))
+    seen = lambda scene, arrays, save, colored=True: rendered.append(not colored) or render(scene, arrays, save, colored)
+    monkeypatch.setattr(softras._scene, "render", seen)
     rasterizer = sr.SoftRasterizer(image_size=16, sigma_val=1e-3, fill_back=True)
 
     def step(loss):
@@ -339,7 +389,7 @@ def test_colours_are_rendered_when_they_are_read(monkeypatch):
     def square(images):
         return torch.stack([images, images]).square().sum()
 
-    assert step(None)[2] is None and rendered == [True]
+    assert not step(None)[2].any() and rendered == [True]
     late = step(square)
     assert rendered == [True, True, False] and rasterizer.colors_are_read
     at_once = step(square)
@@ -389,7 +439,7 @@ def test_cells_are_samples_of_the_texture(tmp_path):
     ramp = np.linspace(0, 1, 9, dtype=np.float32)
     texture = np.stack(np.broadcast_arrays(ramp, ramp[::-1, None], 0.5), -1)
     uvs = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]
-    softras.Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]], textures=texture, uvs=uvs).save(tmp_path / "ramp.obj")
+    softras.Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]], textures=texture, uvs=uvs).save(tmp_path / "ramp.obj", srgb=False)
     cells = sr.Mesh.from_obj(tmp_path / "ramp.obj", load_texture=True, texture_res=2).textures[0, 0]
     # b = ((x + 1/3) / 2, (y + 1/3) / 2) below the diagonal; UVs are (b1, 1 - b0 - b1), and the texture shows them.
     shares = torch.tensor([[1 / 6, 1 / 6], [4 / 6, 1 / 6], [1 / 6, 4 / 6], [1 / 3, 1 / 3]])

@@ -49,7 +49,7 @@ def drawn(corners, colors, size=48):
 def test_what_a_file_means_is_read_and_drawn(tmp_path, kind):
     found, places = [], []
     for path, meant, tags in FILES[kind](tmp_path):
-        mesh = softras.load(path)
+        mesh = softras.load(path, srgb=False)
         place, corners = f"{path.name} {sorted(tags)} {mesh.notes}", mesh.positions[mesh.triangles].astype(float)
         looks = {"colors": None, "uvs": None if mesh.uvs is None else mesh.uvs[mesh.uv_triangles]}
         if mesh.surface is not None:

@@ -1,6 +1,7 @@
 """softras.torch: the same bits as the renderer's own gradients, and torch's check of them in double precision."""
 
 import dataclasses
+import gc
 import os
 import subprocess
 import sys
@@ -169,6 +170,13 @@ def test_several_textures_of_a_mesh(patched, cameras, settings):
         np.testing.assert_array_equal(textures[1].grad, expected.textures[1])
         if "uvs" in look:
             np.testing.assert_array_equal(uvs.grad, expected.uvs)
+    mixed = patched.with_look(
+        textures=patched.textures, uvs=3 * patched.uvs, texture_of_triangle=patched.texture_of_triangle, wrap=["clamp", "repeat"]
+    )
+    given = [torch.tensor(texture) for texture in mixed.textures]
+    for wrap in (None, mixed.wrap):
+        color = st.render(vertices.detach(), mixed, cameras, textures=given, settings=settings, wrap=wrap).color
+        np.testing.assert_array_equal(color, softras.render(mixed, cameras, settings).color)
     only_uvs = st.render(vertices.detach(), patched, cameras, uvs=leaf(patched.uvs), settings=settings)
     np.testing.assert_array_equal(only_uvs.color.detach(), frame.color)
 
@@ -387,11 +395,129 @@ def test_functional_gradients_and_bfloat16(ball, cameras, settings):
     assert half.grad.dtype == torch.bfloat16 and torch.equal(half.grad, rounded.grad.bfloat16())
 
 
-def test_what_a_loss_does_not_use_has_no_gradient(ball, cameras, settings):
+def test_none_means_that_a_loss_does_not_use_an_input(ball, cameras, settings):
     vertices, faces = leaf(ball[0]), ball[1]
     colors = torch.rand(len(vertices), 3).requires_grad_()
-    st.render(vertices, faces, cameras, colors=2.0 * colors, settings=settings).silhouette.sum().backward()
+    images = st.render(vertices, faces, cameras, colors=2.0 * colors, settings=settings)
+    images.silhouette.sum().backward(retain_graph=True)
     assert colors.grad is None and vertices.grad.any()
+    # A loss that has converged, and a mask that is empty, have gradients of 0.
+    loss = (images.silhouette - images.silhouette.detach()).square().sum() + (0 * images.color).sum()
+    found = torch.autograd.grad(loss, (vertices, colors))
+    assert [one.shape for one in found] == [vertices.shape, colors.shape] and not any(one.any() for one in found)
+
+
+def test_nothing_of_a_frame_lives_after_backward(ball, cameras):
+    settings = softras.Settings(width=192, height=192, sigma=1e-3)
+    vertices, faces = ball
+
+    def loss():
+        start = leaf(vertices)
+        return start, st.render(start, faces, cameras, settings=settings).silhouette.mean()
+
+    frames = lambda: sum(type(one).__name__ == "Kept" and one.frame is not None for one in gc.get_objects())
+    before, losses = frames(), []
+    for _ in range(3):
+        losses.append(loss()[1])
+    assert frames() == before + 3
+    for one in losses:
+        one.backward()
+    assert frames() == before
+    start, kept = loss()
+    kept.backward(retain_graph=True)
+    first = start.grad.clone()
+    assert frames() == before + 1
+    kept.backward()
+    assert torch.equal(start.grad, 2 * first) and frames() == before
+    with pytest.raises(RuntimeError, match="second time"):
+        kept.backward()
+    # Hooks store copies of saved tensors: the frame is rendered again.
+    with torch.autograd.graph.saved_tensors_hooks(torch.clone, lambda tensor: tensor):
+        start, copied = loss()
+    copied.backward()
+    assert torch.equal(start.grad, first) and frames() == before
+
+
+@pytest.mark.parametrize("offset", [1.0, 1e3, 1e6])
+def test_distances_are_exact_far_from_the_origin(offset):
+    random = torch.Generator().manual_seed(3)
+    # Places that single precision holds at every offset.
+    a, b = (torch.randint(-64, 64, (300, 3), generator=random) / 16 for _ in range(2))
+    near, far = [(a + at).requires_grad_() for at in (0, offset)]
+    exact, found = st.chamfer_distance(near, b), st.chamfer_distance(far, b + offset)
+    assert torch.equal(found, exact) and st.chamfer_distance(far, far[torch.randperm(300)]) == 0
+    for one in (exact, found):
+        one.backward()
+    torch.testing.assert_close(far.grad, near.grad)
+    cube = softras.shapes.cube()
+    corners, faces = (torch.tensor(cube.positions) * 16).round() / 16, torch.tensor(cube.triangles.astype(np.int64))
+    points = st.sample_surface(corners + offset, faces, 500, torch.Generator().manual_seed(1)) - offset
+    expected = st.sample_surface(corners, faces, 500, torch.Generator().manual_seed(1))
+    assert (points - expected).abs().max() <= torch.finfo(torch.float32).eps * offset
+    for weights in ("uniform", "cotangent"):
+        ways = [float(st.laplacian_loss(corners + at, faces, weights)) for at in (0, offset)]
+        assert ways[0] == pytest.approx(ways[1], rel=1e-5)
+    solids = [softras.Mesh(corners + at, faces) for at in (offset, offset + 0.25)]
+    alone = [softras.Mesh(corners + at, faces) for at in (0.0, 0.25)]
+    assert softras.iou(*solids, 32) == softras.iou(*alone, 32)
+
+
+def test_views_are_rotations(ball, cameras, settings):
+    vertices, faces = ball
+    zero, y, z = torch.zeros(3), torch.tensor([0.0, 1.0, 0.0]), torch.tensor([0.0, 0.0, 1.0])
+
+    def area(view):
+        return st.render(vertices, faces, cameras[0], views=view[None], settings=settings).silhouette.sum()
+
+    for up in (y, torch.tensor([1e-9, 2.0, 0.0])):
+        with pytest.raises(softras.errors.CameraError, match="give another up"):
+            st.look_at(3.5 * y, zero, up)
+    for bad in (torch.zeros(4, 4), torch.diag(torch.tensor([1.0, 1.0, 0.0, 1.0])), torch.diag(torch.tensor([2.0, 2.0, -2.0, 1.0]))):
+        with pytest.raises(softras.errors.CameraError):
+            area(bad)
+    for eye in ([0.0, 3.5, 0.0], [0.0, -3.5, 0.0], [1e-4, 3.5, 0.0]):
+        eye = torch.tensor(eye).requires_grad_()
+        for up in (z, y) if eye[0] else (z,):
+            view = st.look_at(eye, zero, up)
+            assert (view[:3, :3] @ view[:3, :3].T - torch.eye(3)).abs().max() < 1e-6
+            (slope,) = torch.autograd.grad(area(view), eye)
+            # Nearer is larger.
+            assert slope.isfinite().all() and slope[1] * eye[1] < 0
+    over = softras.Camera.look_at((0, 3.5, 0), (0, 0, 0), (0, 0, 1), fov_y=0.8)
+    assert (torch.tensor(over.view)[:, :3] - st.look_at(3.5 * y, zero, z)[:3, :3]).abs().max() < 1e-6
+    screen = softras.Camera.screen()
+    with pytest.raises(softras.errors.InputError, match="without parameters"):
+        st.render(vertices, faces, screen, views=torch.eye(4)[None])
+    mirrored = softras.Camera.from_matrix(np.eye(4), fov_y=0.8, mirrored=True)
+    assert st.render(vertices + 3 * z, faces, mirrored, projections=torch.tensor([0.8]), settings=settings).silhouette.any()
+
+
+def test_masks_and_indices_have_their_types(ball):
+    vertices, faces = ball
+    prediction = torch.rand(2, 8, 8)
+    mask = prediction > 0.4
+    expected = st.iou_loss(prediction, mask.float())
+    for same in (mask, mask.long(), mask.byte(), 255 * mask.byte()):
+        assert torch.equal(st.iou_loss(prediction, same), expected)
+    for bad in (255 * mask.long(), 255 * mask.float(), -mask.float()):
+        with pytest.raises(softras.errors.InputError, match="give bools"):
+            st.iou_loss(prediction, bad)
+    losses = [
+        st.edge_length_loss,
+        st.normal_consistency_loss,
+        st.laplacian_loss,
+        lambda v, f: st.laplacian_loss(v, f, "cotangent"),
+        lambda v, f: st.sample_surface(v, f, 3),
+    ]
+    for loss in losses:
+        with pytest.raises(softras.errors.InputError, match="faces.*give indices"):
+            loss(vertices, faces.float())
+        loss(vertices, faces.numpy().astype(np.uint32))
+    for call in (st.normal_consistency_loss, lambda v, f: st.render(v, f, softras.Camera.screen())):
+        with pytest.raises(softras.errors.InputError, match="give floats"):
+            call(vertices.long(), faces)
+    with pytest.raises(softras.errors.InputError, match="meta"):
+        st.render(vertices.to("meta"), faces, softras.Camera.screen())
 
 
 @pytest.mark.parametrize("loss", ["edges", "normals", "flat", "uniform", "cotangent", "chamfer"])
@@ -428,6 +554,14 @@ def test_losses_by_hand():
     assert still.isfinite().all() and st.laplacian_loss(fan, around) > st.laplacian_loss(square, faces) * 0
     points = st.sample_surface(fan, around, 4000, torch.Generator().manual_seed(1))
     assert (points.mean(0) - torch.tensor([0.5, 0.5, 0.0])).abs().max() < 0.02 and points[:, 2].abs().max() == 0.0
+    # PyTorch3D, too, counts every pair of three faces at an edge.
+    book = torch.tensor([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, -1, 0], [0.5, 0, 1]])
+    pages = torch.tensor([[0, 1, 2], [1, 0, 3], [0, 1, 4]])
+    assert abs(st.normal_consistency_loss(book, pages) - 2) < 1e-6
+    ball = softras.shapes.icosphere(1)
+    vertices, triangles = torch.tensor(ball.positions), torch.tensor(ball.triangles.astype(np.int64))
+    sizes = [float(st.laplacian_loss(vertices * at, triangles, "cotangent")) / at**2 for at in (1.0, 1e-6)]
+    assert sizes[0] == pytest.approx(sizes[1], rel=1e-4)
     assert abs(st.chamfer_distance(square, square + torch.tensor([0.0, 0, 0.1])) - 0.02) < 1e-6
     with pytest.raises(softras.errors.InputError, match="area"):
         st.sample_surface(torch.zeros(3, 3), faces[:1], 10)

@@ -26,8 +26,8 @@ def test_a_view_shows_all_of_a_mesh_and_is_saved(tmp_path):
 
 def test_a_mesh_file_is_seen_as_its_mesh_and_turns(tmp_path):
     softras.shapes.fish().save(tmp_path / "fish.obj")
-    mesh = softras.load(tmp_path / "fish.obj", srgb=True)
-    seen = softras.view(tmp_path / "fish.obj", size=48, background=[1, 1, 1])
+    mesh = softras.load(tmp_path / "fish.obj")
+    seen = softras.view(tmp_path / "fish.obj", size=np.int64(48), background=[1, 1, 1])
     assert np.array_equal(seen, softras.view(mesh, size=48, background=[1, 1, 1]))
     assert (seen[..., 3] == 255).all() and (seen[0, 0] == 255).all()
     turn = softras.view(mesh, size=32, turntable=4)
@@ -73,7 +73,7 @@ def test_a_folder_of_pictures_becomes_a_mesh(tmp_path):
     assert judged["held_out_mask_iou"] == pytest.approx(judged["mask_iou"][[1, 4]].mean())
     assert fitted.measures["mask_iou"].min() > 0.9 and fitted.measures["parts"] == 1 and fitted.measures["genus"] == 0
     assert softras.iou(fitted.mesh, softras.shapes.icosphere(3)) > 0.85
-    fitted.mesh.save(tmp_path / "ball.glb", srgb=True)
+    fitted.mesh.save(tmp_path / "ball.glb")
     assert len(softras.load(tmp_path / "ball.glb").triangles) == len(fitted.mesh.triangles)
 
 
@@ -103,7 +103,7 @@ def test_a_fit_is_that_of_the_command_to_the_bit(folder, tmp_path, options):
     assert done.returncode == 0, done.stderr
     given = {"texture": 256} if "--texture" in options else {"color": True}
     found = softras.fit(softras.load_views(folder), steps=8, **given)
-    found.mesh.save(tmp_path / "python.obj", srgb=True)
+    found.mesh.save(tmp_path / "python.obj")
     theirs, ours = softras.load(target), softras.load(tmp_path / "python.obj")
     np.testing.assert_array_equal(ours.positions, theirs.positions)
     np.testing.assert_array_equal(ours.triangles, theirs.triangles)
@@ -138,6 +138,8 @@ def test_progress_true_draws_a_bar(folder, capsys, monkeypatch):
 def test_a_picture_is_saved_as_linear_light(tmp_path):
     picture = np.full((2, 3, 4), (188, 0, 255, 128), np.uint8).view(softras.Picture)
     picture.save(tmp_path / "light.exr")
+    with pytest.raises(softras.errors.InputError, match="a picture of float64"):
+        (picture / 255).save(tmp_path / "dark.png")
     content = (tmp_path / "light.exr").read_bytes()
     assert content[:4] == b"\x76\x2f\x31\x01"
     assert all(name + b"\0\x02\0\0\0" in content for name in (b"A", b"B", b"G", b"R"))

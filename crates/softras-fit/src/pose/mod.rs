@@ -178,7 +178,7 @@ impl PoseFit {
         let moved = DMat4::from_translation(self.center + pose.translation)
             * DMat4::from_quat(pose.rotation)
             * DMat4::from_translation(-self.center);
-        Camera::from_matrix(self.camera.matrix() * moved, *self.camera.projection())
+        Camera::from_affine(self.camera.matrix() * moved, *self.camera.projection())
     }
 
     /// Renders all poses with the current step's softness, compares them with the targets and moves each. Returns each

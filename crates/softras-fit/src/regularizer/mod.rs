@@ -16,7 +16,8 @@ pub enum Regularizer {
     /// Σ (1 + cos θ)² over edges, θ the angle between the two triangles there, π where they lie flat. As in the
     /// official code, with its small constants and over the first two edges of every face only.
     Flatten,
-    /// Σ (1 - n·m) over edges, n and m the unit normals of the two triangles there.
+    /// Σ (1 - n·m) over edges and pairs of triangles there, n and m their unit normals, turned such that both are on one side of an
+    /// unfolded pair.
     NormalConsistency,
 }
 

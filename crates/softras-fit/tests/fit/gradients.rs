@@ -173,12 +173,14 @@ fn channels_and_views_do_not_mix() {
     }
 }
 
-/// A bumpy sphere.
+/// A bumpy sphere, with a wall inside: three triangles meet at its edge.
 fn surface(seed: u64) -> (Topology, Vec<DVec3>) {
     let mesh = shapes::icosphere(1).unwrap();
     let mut random = Random::new(seed);
     let mut bump = || DVec3::from([0; 3].map(|_| random.range(-0.2, 0.2)));
-    (topology(&mesh), points(&mesh).into_iter().map(|p| p + bump()).collect())
+    let [a, b, _] = mesh.triangles()[0];
+    let topology = Topology::new(42, &[mesh.triangles(), &[[a, b, 41]]].concat()).unwrap();
+    (topology, points(&mesh).into_iter().map(|p| p + bump()).collect())
 }
 
 fn check_regularizer(regularizer: Regularizer, factor: f64) -> Result<(), String> {
@@ -223,6 +225,13 @@ fn regularizers_have_the_values_of_their_formulas() {
     // A triangle without area has no say beside one that has: here the second is a line.
     let line = [corners[0], corners[1], corners[2], DVec3::new(2.0, 0.0, 0.0)];
     assert_eq!(value(Regularizer::NormalConsistency, &line), 0.0);
+    // A third triangle at the edge, which goes on from the first one: one pair is flat, two are at right angles. It is 2 at any scale.
+    let three = Topology::new(5, &[[0, 1, 2], [1, 0, 3], [0, 1, 4]]).unwrap();
+    for scale in [1.0, 1e-30] {
+        let scaled = [corners[0], corners[1], corners[2], corners[3], DVec3::NEG_Y].map(|corner| scale * corner);
+        let found = Regularizer::NormalConsistency.add(&three, &scaled, 1.0, &mut [DVec3::ZERO; 5]).unwrap();
+        assert!((found - 2.0).abs() < 1e-12, "{found}");
+    }
     // Collapsed to a point nothing is infinite.
     REGULARIZERS.iter().for_each(|r| assert!(value(*r, &[DVec3::ONE; 4]).is_finite()));
     assert!(Regularizer::Laplacian.add(&topology, &corners[..3], 1.0, &mut [DVec3::ZERO; 4]).is_err());

@@ -26,7 +26,7 @@ pub fn padded(picture: &[[f64; 4]], (width, height): Size, whole: Size) -> impl 
 /// The camera of the larger image; that of a file is a pinhole or a perspective one.
 pub fn widened(camera: &Camera, size: Size, whole: Size) -> Result<Camera> {
     match camera.intrinsics(size).filter(|_| size != whole) {
-        Some([fx, fy, cx, cy]) => Camera::from_matrix(camera.matrix(), Projection::Pinhole { fx, fy, cx, cy }),
+        Some([fx, fy, cx, cy]) => Camera::from_affine(camera.matrix(), Projection::Pinhole { fx, fy, cx, cy }),
         None => Ok(*camera),
     }
 }

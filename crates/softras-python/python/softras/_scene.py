@@ -53,18 +53,7 @@ class Look(NamedTuple):
 
     uv_triangles: Optional[np.ndarray]
     texture_of_triangle: Optional[np.ndarray]
-    wrap: Optional[str]
-
-    def complete(self, given: Dict[str, Any], template) -> None:
-        """Adds to the arrays of a textured mesh what they lack."""
-        if "textures" not in given and "uvs" not in given:
-            return
-        given.update({name: value for name, value in self._asdict().items() if value is not None})
-        if isinstance(template, Mesh) and template.textures is not None:
-            for name in ("textures", "uvs", "uv_triangles", "texture_of_triangle", "wrap"):
-                value = getattr(template, name)
-                if name not in given and len(value) > 0:
-                    given[name] = value
+    wrap: Union[None, str, Sequence[str]]
 
 
 @dataclasses.dataclass
@@ -79,39 +68,29 @@ class Scene:
     lights: Lights
     mode: str
     renderer: Optional[Renderer]
-    #: What the last render kept for gradients.
-    frame: Any = None
-    #: Whether colours wait for `finish`, and what it renders them from: the arrays' values, and whether to save.
-    late: bool = False
-    kept: Any = None
 
-    def finish(self) -> Frame:
-        """The frame with the colours that were left out."""
-        self.late = False
-        self.frame = render(self, *self.kept)
-        return self.frame
-
-    def meshes(self, arrays: Sequence[np.ndarray]) -> List[Mesh]:
-        """The meshes with the arrays' values."""
+    def meshes(self, arrays: Sequence[np.ndarray], colored: bool = True) -> List[Mesh]:
+        """The meshes with the arrays' values, or without their colours."""
         found = []
         # Triangles that several meshes have are read and checked once.
         bare: Dict[Any, Mesh] = {}
         for i, (template, look) in enumerate(zip(self.templates, self.looks)):
             given: Dict[str, Any] = {}
             for one, array in zip(self.inputs, arrays):
-                if self.late and one.name in ("colors", "surface"):
+                if not colored and one.name in ("colors", "surface"):
                     continue
                 if one.belongs_to(i) and one.name == "textures":
                     given.setdefault("textures", []).append(one.part(array, i))
                 elif one.belongs_to(i):
                     given[one.name] = one.part(array, i)
             positions = given.pop("positions")
-            look.complete(given, template)
+            if "textures" in given or "uvs" in given:
+                given.update({name: value for name, value in look._asdict().items() if value is not None})
             base = template if isinstance(template, Mesh) else bare.get((id(template), len(positions)))
             if base is None:
                 base = bare[id(template), len(positions)] = Mesh(positions, template)
             moved = base.with_positions(positions)
-            found.append(moved.with_look(**given) if given else moved)
+            found.append(moved._with_part_of_look(**given) if given else moved)
         return found
 
     def seen(self, values: Dict[str, np.ndarray]) -> List[Camera]:
@@ -125,19 +104,21 @@ class Scene:
         for i in range(count):
             camera = self.cameras[i % len(self.cameras)]
             projection = dict(camera.projection)
+            if len(projection) != 1:
+                raise InputError("views or projections of a camera without parameters: use fov_y, half_height or pinhole")
             if "projections" in values:
-                if len(projection) != 1 or "original_size" in projection:
-                    raise InputError("projections of a camera without parameters: use fov_y, half_height or pinhole")
                 name = next(iter(projection))
                 row = np.atleast_1d(np.asarray(values["projections"][i], np.float64))
                 projection[name] = tuple(row) if name == "pinhole" else float(row[0])
-            view = np.vstack([camera.view, _LAST_ROW])
-            if "views" in values:
-                view = np.array(values["views"][i], np.float64)
-                # Products of matrices round it.
-                if view.shape == (4, 4) and np.allclose(view[3], _LAST_ROW, atol=1e-6):
-                    view[3] = _LAST_ROW
-            cameras.append(Camera.from_matrix(view, **projection))
+            if "views" not in values:
+                cameras.append(Camera._restored(camera.view, projection))
+                continue
+            view = np.array(values["views"][i], np.float64)
+            # Products of matrices round it.
+            if view.shape == (4, 4) and np.allclose(view[3], _LAST_ROW, atol=1e-6):
+                view[3] = _LAST_ROW
+            mirrored = bool(np.linalg.det(camera.view[:, :3]) > 0)
+            cameras.append(Camera.from_matrix(view, **projection, mirrored=mirrored))
         return cameras
 
     def lit(self, values: Dict[str, np.ndarray]) -> Lights:
@@ -147,14 +128,14 @@ class Scene:
             return self.lights
         fields: Dict[str, Any] = {}
         if "ambient_color" in values:
-            fields["ambient_color"] = tuple(values["ambient_color"].tolist())
+            fields["ambient_color"] = values["ambient_color"]
         if "ambient_intensity" in values:
             fields["ambient_intensity"] = float(values["ambient_intensity"])
         directional = list(self.lights.directional)
         for name, field in (("light_directions", "direction"), ("light_colors", "color"), ("light_intensities", "intensity")):
             if name not in values:
                 continue
-            rows = values[name].tolist()
+            rows = list(values[name])
             directional = directional or [DirectionalLight()] * len(rows)
             if len(rows) != len(directional):
                 raise InputError(f"{len(rows)} {name} for {len(directional)} lights: give one for each")
@@ -165,8 +146,21 @@ class Scene:
         """The settings with the arrays' values."""
         fields: Dict[str, Any] = {name: float(values[name]) for name in ("sigma", "gamma") if name in values}
         if "background" in values:
-            fields["background_color"] = tuple(values["background"].tolist())
+            fields["background_color"] = values["background"]
         return dataclasses.replace(self.settings, **fields) if fields else self.settings
+
+
+@dataclasses.dataclass
+class Kept:
+    """A frame that waits for its gradients, rendered again where there is none; and, if it has no colours yet, the values to render
+    them from."""
+
+    frame: Any = None
+    values: Optional[List[np.ndarray]] = None
+
+    @property
+    def colored(self) -> bool:
+        return self.values is None
 
 
 class _Reference:
@@ -182,15 +176,15 @@ class _Reference:
         return reference.gradient(*self._scene, mode=mode, **upstream)
 
 
-def render(scene: Scene, arrays: Sequence[np.ndarray], save: bool) -> Union[Frame, _Reference]:
-    """A frame of the arrays' values, by the reference device where the positions are in double precision."""
+def render(scene: Scene, arrays: Sequence[np.ndarray], save: bool, colored: bool = True) -> Union[Frame, _Reference]:
+    """A frame of the arrays' values, by the reference device where the positions are in double precision; the silhouette alone unless
+    it is `colored`."""
     values = {one.name: array for one, array in zip(scene.inputs, arrays) if one.name not in _OF_MESH}
-    own = scene.meshes(arrays)
+    own = scene.meshes(arrays, colored)
     meshes, cameras = batched(own, scene.seen(values))
     settings, lights = scene.set(values), scene.lit(values)
-    if scene.late:
+    if not colored:
         settings = dataclasses.replace(settings, outputs=("silhouette",))
-        scene.kept = [array.copy() for array in arrays], save
     if arrays[0].dtype != np.float64:
         return (scene.renderer or default_renderer()).render(meshes, cameras, settings, lights, save=save)
     exact: Dict[str, list] = {"positions": [], "colors": []}
@@ -255,19 +249,25 @@ def _matters(name: str, upstream: Dict[str, np.ndarray]) -> bool:
 
 
 def differentiate(
-    scene: Scene, frame, arrays: Sequence[np.ndarray], wanted: Sequence[bool], upstream: Dict[str, np.ndarray]
+    scene: Scene, kept: Kept, arrays: Sequence[np.ndarray], wanted: Sequence[bool], upstream: Dict[str, np.ndarray]
 ) -> List[Optional[np.ndarray]]:
-    """The gradients by the inputs that are wanted, in their shapes; None for the others and where all is 0."""
+    """The gradients by the inputs that are wanted, in their shapes; None for the others and for what no image with an upstream gradient
+    depends on, whatever the values are."""
     given = {name: array for name, array in upstream.items() if _any(array)}
-    needed = [one and _matters(input.name, given) for input, one in zip(scene.inputs, wanted)]
-    if not any(needed):
-        return [None] * len(needed)
-    if scene.late and "color" in given:
-        frame = scene.finish()
-    by = sorted({_BY[input.name] for input, one in zip(scene.inputs, needed) if one})
-    found = frame.backward(by=by, mode=scene.mode, **given)
-    rows = zip(scene.inputs, needed, arrays)
-    return [np.ascontiguousarray(_gradient(input, found, array, len(scene.templates))) if one else None for input, one, array in rows]
+    by = sorted({_BY[input.name] for input, one in zip(scene.inputs, wanted) if one and _matters(input.name, given)})
+    found = None
+    if by:
+        if kept.frame is None or ("color" in given and not kept.colored):
+            kept.frame, kept.values = render(scene, arrays if kept.values is None else kept.values, True), None
+        found = kept.frame.backward(by=by, mode=scene.mode, **given)
+
+    def one(input: Input, array: np.ndarray) -> np.ndarray:
+        if not _matters(input.name, given):
+            return np.zeros(array.shape, np.float32)
+        return np.ascontiguousarray(_gradient(input, found, array, len(scene.templates)))
+
+    rows = zip(scene.inputs, wanted, arrays)
+    return [one(input, array) if needed and _matters(input.name, upstream) else None for input, needed, array in rows]
 
 
 def _collect(name: str, value, meshes: int, kind: Type[Any]) -> List[Tuple[Input, Any]]:

@@ -72,8 +72,8 @@ def deform(
 ) -> FitResult:
     """Deforms a mesh, and recolours it, until its renderings match images.
 
-    `silhouette` is [views, height, width] in [0, 1], `color` [views, height, width, 3] linear on the settings' background;
-    at least one of them, with one camera for each view. `rate` is about the distance that a vertex moves in a step, in world
+    `silhouette` is [views, height, width], bools, floats from 0 to 1, or bytes, `color` [views, height, width, 3] on the settings'
+    background, linear floats, or sRGB if uint8 or uint16; at least one of them, with one camera for each view. `rate` is about the distance that a vertex moves in a step, in world
     units, from the first step to the last; sigma and gamma, too, are values at the first step and at the last. `method` is
     "smooth" (vertices move with their neighbours, for any template) or "official" (the demo's logit displacements). Colours are
     fitted if `color` is given, unless `fit_colors` is False: a mesh of one colour begins with that colour at every vertex, and
@@ -137,7 +137,7 @@ def pose(
 ) -> Pose:
     """Finds the rotation and translation of a rigid mesh from one unlit image on black.
 
-    `color` is [1, height, width, 3], `silhouette` [1, height, width]. It compares the image with 512 rotations,
+    `color` is [1, height, width, 3], `silhouette` [1, height, width], of the types that `deform` takes. It compares the image with 512 rotations,
     fits the `starts` most likely of them and refines the best, in `steps` steps together; or refines `start`, a rotation [3, 3]
     and a translation [3], in small steps. `center` defaults to that of the mesh's box. Of `settings` only near, far and tau count.
     """

@@ -105,10 +105,8 @@ def _function(scene: _scene.Scene, names, shapes):
 
     def differentiate(wanted, given, number, arrays, upstream):
         arrays = host(arrays)
-        frame = _frames.get(int(number))
-        if frame is None:
-            frame = _scene.render(scene, arrays, True)
-        found = _scene.differentiate(scene, frame, arrays, wanted, dict(zip(given, host(upstream))))
+        kept = _scene.Kept(_frames.get(int(number)))
+        found = _scene.differentiate(scene, kept, arrays, wanted, dict(zip(given, host(upstream))))
         return tuple(
             np.zeros_like(array) if gradient is None else gradient.astype(array.dtype).reshape(array.shape)
             for array, gradient, needed in zip(arrays, found, wanted)
@@ -151,7 +149,7 @@ def render(
     uv_faces=None,
     textures: Union[None, Arrays, Sequence[Arrays]] = None,
     texture_of_triangle=None,
-    wrap: Optional[str] = None,
+    wrap: Union[None, str, Sequence[str]] = None,
     settings: Optional[Settings] = None,
     lights: Optional[Lights] = None,
     mode: str = "exact",

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from typing import Literal, Optional
 
-import numpy as np
 import torch
 
 from . import _softras
+from ._tensors import floats, host, indices
 from .errors import InputError
 
 
 def _edges(faces: torch.Tensor, device: torch.device) -> torch.Tensor:
     """Every edge once, [E, 2], the lower vertex first."""
-    pairs = torch.cat([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]).long().to(device)
+    faces = indices(faces, device)
+    pairs = torch.cat([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
     return torch.unique(pairs.sort(1)[0], dim=0)
 
 
@@ -29,8 +30,7 @@ class _Regularizer(torch.autograd.Function):
 
     @staticmethod
     def forward(ctx, vertices, faces, name):
-        corners = faces.detach().cpu().numpy() if isinstance(faces, torch.Tensor) else np.asarray(faces)
-        value, gradient = _softras.regularizer(name, corners, vertices.detach().cpu().double().numpy())
+        value, gradient = _softras.regularizer(name, host(faces), host(floats(vertices, "vertices")))
         ctx.save_for_backward(torch.from_numpy(gradient).to(vertices))
         return vertices.new_tensor(value)
 
@@ -41,7 +41,7 @@ class _Regularizer(torch.autograd.Function):
 
 
 def normal_consistency_loss(vertices: torch.Tensor, faces: torch.Tensor) -> torch.Tensor:
-    """Σ (1 - n·m) over edges, n and m the unit normals of the two faces there; that of `softras.deform`. Raises FitError."""
+    """Σ (1 - n·m) over edges and pairs of faces there, n and m their unit normals; that of `softras.deform`. Raises FitError."""
     return _Regularizer.apply(vertices, faces, "normals")
 
 
@@ -52,12 +52,15 @@ def flatten_loss(vertices: torch.Tensor, faces: torch.Tensor) -> torch.Tensor:
 
 def _cotangents(vertices: torch.Tensor, faces: torch.Tensor):
     """The edges opposite to the corners of faces, [3 F, 2], and half the cotangents there, at least 0."""
-    faces = faces.long().to(vertices.device)
+    faces = indices(faces, vertices.device)
     edges, weights = [], []
     for corner in range(3):
         i, j, k = (faces[:, (corner + n) % 3] for n in range(3))
         a, b = vertices[j] - vertices[i], vertices[k] - vertices[i]
-        area = torch.linalg.cross(a, b).norm(dim=1).clamp(min=1e-12)
+        area, around = torch.linalg.cross(a, b).norm(dim=1), a.norm(dim=1) * b.norm(dim=1)
+        least = torch.finfo(area.dtype)
+        # The same angle has the same cotangent at any scale.
+        area = torch.maximum(area, (least.eps * around + least.tiny).detach())
         edges.append(torch.stack([j, k], 1))
         weights.append(((a * b).sum(1) / area / 2).clamp(min=0))
     return torch.cat(edges), torch.cat(weights)
@@ -78,35 +81,37 @@ def laplacian_loss(
     else:
         raise InputError(f"weights is {weights!r}: use uniform or cotangent")
     edges, shares = torch.cat([edges, edges.flip(1)]), torch.cat([shares, shares])
-    total = torch.zeros_like(vertices[:, 0]).index_add(0, edges[:, 0], shares)
-    sums = torch.zeros_like(vertices).index_add(0, edges[:, 0], shares[:, None] * vertices[edges[:, 1]])
-    # A vertex without neighbours has no mean.
-    means = sums / torch.where(total > 0, total, torch.ones_like(total))[:, None]
-    return torch.where((total > 0)[:, None], vertices - means, torch.zeros_like(means)).square().sum()
+    vertex, neighbor = edges.unbind(1)
+    total = torch.zeros_like(vertices[:, 0]).index_add(0, vertex, shares)
+    # Differences, since far from the origin sums of places are rounded. A vertex without neighbours has none.
+    sums = torch.zeros_like(vertices).index_add(0, vertex, shares[:, None] * (vertices[neighbor] - vertices[vertex]))
+    return (sums / torch.where(total > 0, total, torch.ones_like(total))[:, None]).square().sum()
 
 
 def sample_surface(
     vertices: torch.Tensor, faces: torch.Tensor, count: int, generator: Optional[torch.Generator] = None
 ) -> torch.Tensor:
     """Random points [count, 3] of a surface, evenly by area; a `generator` of the CPU makes them the same again."""
-    corners = vertices[faces.long().to(vertices.device)]
-    a, b, c = corners.unbind(1)
-    areas = torch.linalg.cross(b - a, c - a).norm(dim=1).detach().cpu()
+    a, b, c = floats(vertices, "vertices")[indices(faces, vertices.device)].unbind(1)
+    b, c = b - a, c - a
+    areas = torch.linalg.cross(b.double(), c.double()).norm(dim=1).detach().cpu()
     if count < 1 or not areas.sum() > 0:
         raise InputError(f"{count} points of a surface of area {areas.sum():g}: ask for 1 or more, of a surface that has an area")
     chosen = torch.multinomial(areas, count, replacement=True, generator=generator).to(vertices.device)
     u, v = torch.rand(2, count, generator=generator).to(vertices)
     root = u.sqrt()
-    shares = torch.stack([1 - root, root * (1 - v), root * v], 1)
-    return (shares[..., None] * corners[chosen]).sum(1)
+    # From a corner on, since far from the origin the corners' weighted sum is rounded.
+    return a[chosen] + (root * (1 - v))[:, None] * b[chosen] + (root * v)[:, None] * c[chosen]
 
 
 def chamfer_distance(a: torch.Tensor, b: torch.Tensor) -> torch.Tensor:
     """The mean squared distance of points a [N, 3] to their nearest of b [M, 3], and that of b to a, in sum."""
 
     def nearest(points, among):
+        # Products of matrices cancel far from the origin.
+        exact = {"compute_mode": "donot_use_mm_for_euclid_dist"}
         with torch.no_grad():
-            return torch.cat([torch.cdist(part, among).argmin(1) for part in points.split(1024)])
+            return torch.cat([torch.cdist(part, among, **exact).argmin(1) for part in points.split(1024)])
 
     to_b, to_a = a - b[nearest(a, b)], b - a[nearest(b, a)]
     return to_b.square().sum(1).mean() + to_a.square().sum(1).mean()

@@ -4,8 +4,8 @@
 background, sigma and gamma; `Rasterizer` is the same as a module. CPU tensors are read without a copy; CUDA tensors are copied
 to the host and back, since the renderer has a device of its own. Vertices in float64 are rendered by the reference device, the
 model in double precision on the host, which is slow and meant for `torch.autograd.gradcheck`. A graph may hold any number of
-frames, and `torch.func.grad` takes it. The function is not differentiable twice, and an input that the loss does not depend on gets no
-gradient.
+frames, and `torch.func.grad` takes it. The function is not differentiable twice, and an input that no image of the loss depends on gets
+no gradient.
 """
 
 from __future__ import annotations
@@ -16,7 +16,9 @@ import numpy as np
 import torch
 
 from . import _scene
+from ._tensors import host, indices, mask, plain
 from ._softras import Camera, Renderer
+from .errors import CameraError
 from .rendering import batched, default_renderer
 from .losses import (
     chamfer_distance,
@@ -62,45 +64,36 @@ class Images(NamedTuple):
     normal: Optional[torch.Tensor]
 
 
-def _host(value) -> np.ndarray:
-    if not isinstance(value, torch.Tensor):
-        return np.asarray(value)
-    # Within `torch.func` the result of a method is a wrapped tensor, so that none is called without need, and constants have no
-    # `numpy`: they are read by DLPack.
-    value = value.detach() if value.requires_grad else value
-    value = value if value.device.type == "cpu" else value.cpu()
-    # numpy has no bfloat16.
-    value = value.float() if value.dtype in (torch.bfloat16, torch.float16) else value
-    try:
-        return value.numpy()
-    except RuntimeError:
-        return np.from_dlpack(value)
-
-
 class _Render(torch.autograd.Function):
     @staticmethod
-    def forward(scene: _scene.Scene, save: bool, *tensors: torch.Tensor):
-        frame = _scene.render(scene, [_host(tensor) for tensor in tensors], save)
-        scene.frame = frame if save else None
+    def forward(scene: _scene.Scene, kept: _scene.Kept, save: bool, *tensors: torch.Tensor):
+        frame = _scene.render(scene, [host(tensor) for tensor in tensors], save, kept.colored)
+        kept.frame = frame if save else None
         images = [getattr(frame, name) for name in _scene.IMAGES]
-        if scene.late:
+        if not kept.colored:
             images[0] = np.full((*images[1].shape, 3), np.nan, np.float32)
         return tuple(torch.from_numpy(image).to(tensors[0].device) for image in images if image is not None)
 
     @staticmethod
     def setup_context(ctx, inputs, output):
         ctx.set_materialize_grads(False)
-        ctx.scene, save, *tensors = inputs
+        ctx.scene, kept, save, *tensors = inputs
         if save:
+            # Autograd frees the tensors that it saved after backward, and with this one the frame.
+            owner = torch.empty(0)
+            owner.kept = kept
             # A leaf that is changed in place before backward is an error, as everywhere in torch.
-            ctx.save_for_backward(*tensors)
+            ctx.save_for_backward(*tensors, owner)
 
     @staticmethod
     def backward(ctx, *upstream):
         names = [name for name in _scene.IMAGES if name in ctx.scene.settings.outputs]
         given = {name: gradient for name, gradient in zip(names, upstream) if gradient is not None}
-        task = (ctx.scene, ctx.needs_input_grad[2:], tuple(given))
-        return (None, None, *_Gradient.apply(task, *given.values(), *ctx.saved_tensors))
+        *tensors, owner = ctx.saved_tensors
+        # A hook for saved tensors may have made a copy of it.
+        kept = getattr(owner, "kept", None) or _scene.Kept()
+        task = (ctx.scene, kept, ctx.needs_input_grad[3:], tuple(given))
+        return (None, None, None, *_Gradient.apply(task, *given.values(), *tensors))
 
 
 class _Gradient(torch.autograd.Function):
@@ -108,10 +101,10 @@ class _Gradient(torch.autograd.Function):
 
     @staticmethod
     def forward(task, *tensors: torch.Tensor):
-        scene, wanted, names = task
+        scene, kept, wanted, names = task
         given, inputs = tensors[: len(names)], tensors[len(names) :]
-        upstream = dict(zip(names, map(_host, given)))
-        found = _scene.differentiate(scene, scene.frame, [_host(tensor) for tensor in inputs], wanted, upstream)
+        upstream = dict(zip(names, map(host, given)))
+        found = _scene.differentiate(scene, kept, [host(tensor) for tensor in inputs], wanted, upstream)
         # None for an input that the loss does not depend on: torch then skips the derivatives of what made the input.
         rows = zip(inputs, found)
         return tuple(None if one is None else torch.from_numpy(one).to(x).reshape(x.shape) for x, one in rows)
@@ -125,10 +118,10 @@ class _Gradient(torch.autograd.Function):
         raise RuntimeError("softras is not differentiable twice: leave out create_graph")
 
 
-def _rendered(scene: _scene.Scene, flat: Sequence[torch.Tensor]) -> Images:
+def _rendered(scene: _scene.Scene, flat: Sequence[torch.Tensor], kept: _scene.Kept) -> Images:
     """The images of a scene with its tensors."""
     save = torch.is_grad_enabled() and any(tensor.requires_grad for tensor in flat)
-    images = iter(_Render.apply(scene, save, *flat))
+    images = iter(_Render.apply(scene, kept, save, *flat))
     return Images(*(next(images) if name in scene.settings.outputs else None for name in _scene.IMAGES))
 
 
@@ -144,7 +137,7 @@ def render(
     uv_faces=None,
     textures: Union[None, Tensors, Sequence[Tensors]] = None,
     texture_of_triangle=None,
-    wrap: Optional[str] = None,
+    wrap: Union[None, str, Sequence[str]] = None,
     settings: Optional[Settings] = None,
     lights: Optional[Lights] = None,
     mode: str = "exact",
@@ -160,7 +153,7 @@ def render(
 
     A mesh may have several textures: then `textures` is a list of them for one mesh, and a list of such lists for B meshes,
     and the constant `texture_of_triangle` [F] says which of them each triangle shows. `uv_faces` [F, 3] are the UVs of the
-    triangles' corners (the faces unless given); both may be lists with one for each mesh. `wrap` is "repeat" or "clamp". If
+    triangles' corners (the faces unless given); both may be lists with one for each mesh. `wrap` is "repeat" or "clamp", or a list with one for each texture. If
     `faces` is a `softras.Mesh`, arguments that are left out are taken from it.
 
     As tensors by keyword:
@@ -176,7 +169,7 @@ def render(
     given = {"positions": vertices, "colors": colors, "surface": surface, "uvs": uvs, "textures": textures}
     constants = {"uv_faces": uv_faces, "texture_of_triangle": texture_of_triangle, "wrap": wrap}
     constants.update(settings=settings, lights=lights, mode=mode, renderer=renderer)
-    return _rendered(*_scene.build(given, tensors, faces, cameras, constants, torch.Tensor, _host))
+    return _rendered(*_scene.build(given, tensors, faces, cameras, constants, torch.Tensor, host), _scene.Kept())
 
 
 class Fragments(NamedTuple):
@@ -198,8 +191,8 @@ def fragments(
     """The nearest triangle of each pixel; arguments as of `render`. Raises what `Renderer.render` raises."""
     first = vertices if isinstance(vertices, torch.Tensor) else vertices[0]
     constants = {"settings": settings, "renderer": renderer}
-    scene, flat = _scene.build({"positions": vertices}, {}, faces, cameras, constants, torch.Tensor, _host)
-    meshes, seen = batched(scene.meshes([_host(tensor) for tensor in flat]), scene.cameras)
+    scene, flat = _scene.build({"positions": vertices}, {}, faces, cameras, constants, torch.Tensor, host)
+    meshes, seen = batched(scene.meshes([host(tensor) for tensor in flat]), scene.cameras)
     found = (renderer or default_renderer()).fragments(meshes, seen, scene.settings)
     return Fragments(*(torch.from_numpy(array).to(first.device) for array in found))
 
@@ -209,7 +202,7 @@ def interpolate(found: Fragments, values: torch.Tensor, faces) -> torch.Tensor:
 
     With a gradient by the values; the fragments are constants.
     """
-    corners = torch.as_tensor(_host(faces).astype(np.int64), device=values.device)[found.triangle.clamp(min=0).long()]
+    corners = indices(faces, values.device)[found.triangle.clamp(min=0).long()]
     return (found.barycentrics[..., None].to(values) * values[corners]).sum(-2)
 
 
@@ -237,10 +230,18 @@ class Rasterizer(torch.nn.Module):
 
 
 def look_at(eye: torch.Tensor, target: torch.Tensor, up: torch.Tensor) -> torch.Tensor:
-    """World-to-view matrices [..., 4, 4] of cameras at `eye` [..., 3] that look at `target`, differentiable by all three."""
-    forward = torch.nn.functional.normalize(target - eye, dim=-1)
-    right = torch.nn.functional.normalize(torch.linalg.cross(forward, up.expand_as(forward)), dim=-1)
-    axes = torch.stack([right, torch.linalg.cross(right, forward), forward], -2)
+    """World-to-view matrices [..., 4, 4] of cameras at `eye` [..., 3] that look at `target`, differentiable by all three.
+
+    Raises CameraError where `up` is along the view.
+    """
+    normalize = torch.nn.functional.normalize
+    forward = normalize(target - eye, dim=-1)
+    right = torch.linalg.cross(forward, normalize(up, dim=-1).expand_as(forward))
+    if plain() and not bool((right.norm(dim=-1) > 1e-7).all()):
+        raise CameraError("look_at: up is along the view, or eye and target coincide: give another up, as (0, 0, 1) for straight down")
+    # Nearly along the view `right` is rounded, and made perpendicular once more.
+    upward = normalize(torch.linalg.cross(normalize(right, dim=-1), forward), dim=-1)
+    axes = torch.stack([torch.linalg.cross(forward, upward), upward, forward], -2)
     shift = -(axes @ eye[..., None])
     last = torch.zeros_like(axes[..., :1, :])
     last = torch.cat([last, torch.ones_like(last[..., :1])], -1)
@@ -257,7 +258,9 @@ def rigid_motion(twist: torch.Tensor) -> torch.Tensor:
 
 
 def iou_loss(prediction: torch.Tensor, target: torch.Tensor) -> torch.Tensor:
-    """The mean over views of 1 - IoU of soft silhouettes, [views, height, width], as the official code has it."""
+    """The mean over views of 1 - IoU of soft silhouettes, [views, height, width], as the official code has it. Raises InputError for
+    what is no mask from 0 to 1."""
+    prediction, target = mask(prediction, "prediction"), mask(target, "target")
     product = prediction * target
     union = (prediction + target - product).flatten(1).sum(1) + 1e-6
     return 1.0 - (product.flatten(1).sum(1) / union).mean()

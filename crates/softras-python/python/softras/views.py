@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import dataclasses
+import numbers
 import os
 import warnings
 from typing import Any, Dict, List, Optional, Sequence, Tuple, Union
 
 import numpy as np
 
-from . import _softras
-from ._rebuild import linear
+from . import _arrays, _softras
 from ._softras import Camera, Mesh, Renderer
+from .errors import InputError
 from .progress import Progress, shown
 from .rendering import default_renderer
 
@@ -30,14 +31,19 @@ class Picture(np.ndarray):
     def save(self, path: Union[str, "os.PathLike[str]"]) -> None:
         """Writes a picture as .png, or as .exr of its linear light (premultiplied), or frames as .gif. Raises IoError, InputError."""
         if self.ndim == 3 and os.fspath(path).lower().endswith(".exr"):
-            light = linear(np.asarray(self))
+            light = _arrays.read(self._bytes(), "picture", "texture")
             light[..., :3] *= light[..., 3:]
             return _softras.save_exr(os.fspath(path), light)
-        frames = np.ascontiguousarray(self if self.ndim == 4 else self[None], np.uint8)
-        _softras.save_pictures(os.fspath(path), frames, self.delay)
+        _softras.save_pictures(os.fspath(path), self._bytes() if self.ndim == 4 else self._bytes()[None], self.delay)
+
+    def _bytes(self) -> np.ndarray:
+        """The pixels, which arithmetic may have turned into other numbers."""
+        if self.dtype != np.uint8 or self.ndim not in (3, 4) or self.shape[-1] != 4:
+            raise InputError(f"a picture of {self.dtype} with shape {self.shape}: give uint8, [height, width, 4] or one for each frame")
+        return np.ascontiguousarray(self.view(np.ndarray))
 
     def _repr_png_(self) -> bytes:
-        return _softras.png(np.ascontiguousarray(self if self.ndim == 3 else self[0], np.uint8))
+        return _softras.png(self._bytes() if self.ndim == 3 else self._bytes()[0])
 
 
 def view(
@@ -61,14 +67,12 @@ def view(
     """A picture of a mesh, or of a mesh file, as `softras render` makes it: framed, lit, with sharp creases.
 
     `size` is a side or (width, height) in pixels; angles are in degrees; `background` is linear light from 0 to 1, and
-    transparent without. `turntable` makes so many frames of one turn. Textures are linear light: a file is decoded so, and
-    `load(path, srgb=True)` decodes one. Raises what `load` and `Renderer.render` raise.
+    transparent without. `turntable` makes so many frames of one turn. Raises what `load` and `Renderer.render` raise.
     """
     # The arguments by name.
     plan = dict(locals())
-    plan["size"] = (size, size) if isinstance(size, int) else tuple(size)
-    for name in ("up", "background"):
-        plan[name] = None if plan[name] is None else [float(x) for x in plan[name]]
+    plan["size"] = (size, size) if isinstance(size, numbers.Integral) else tuple(size)
+    plan["up"] = None if up is None else [float(x) for x in up]
     given = subject if isinstance(subject, Mesh) else os.fspath(subject)
     frames = _softras.view(given, renderer or default_renderer(), plan)
     return (frames[0] if turntable is None else frames).view(Picture)
@@ -95,8 +99,8 @@ class Fitted:
 class Views:
     """Views of an object: cameras, and at least one kind of image, [views, height, width] or [views, height, width, 3].
 
-    Colours are linear over black, depths view depths in world units, normals unit vectors in world space; 0 where a depth or a normal
-    is not known.
+    Silhouettes are bools, floats from 0 to 1, or bytes. Colours are over black, linear floats, or sRGB if they are uint8 or uint16.
+    Depths are view depths in world units, normals unit vectors in world space, both floats; 0 where one is not known.
     """
 
     cameras: Sequence[Camera]

@@ -170,7 +170,7 @@ fn pinhole(view: DMat4, [fx, fy, cx, cy]: [f64; 4], skew: f64, [width, height]: 
         return Camera::from_matrix(view, perspective(2.0 * (height / 2.0 / fy).atan()));
     }
     let shear = DMat4::from_cols(DVec4::X, DVec4::new(-skew / fx, 1.0, 0.0, 0.0), DVec4::Z, DVec4::W);
-    Camera::from_matrix(shear * view, Projection::Pinhole { fx, fy, cx, cy })
+    Camera::from_affine(shear * view, Projection::Pinhole { fx, fy, cx, cy })
 }
 
 /// World to view of a pose, a world-to-camera matrix whose camera axes point along `axes` of x right, y up, z forward.

@@ -5,16 +5,12 @@ from __future__ import annotations
 import math
 from typing import Optional
 
-import numpy as np
 import torch
 import torch.nn.functional as F
 
 from . import functional as srf
+from .._tensors import floats, indices
 from .kinds import Array, Path
-
-
-def _tensor(value, dtype) -> torch.Tensor:
-    return torch.as_tensor(value, dtype=dtype) if isinstance(value, np.ndarray) else value
 
 
 class Mesh:
@@ -32,7 +28,8 @@ class Mesh:
         self.texture_type = texture_type
         self._corners = self._normals = self._smooth_normals = None
         self._fill_back = False
-        vertices, faces = _tensor(vertices, torch.float32), _tensor(faces, torch.int32)
+        vertices = floats(vertices, "vertices")
+        faces = faces if isinstance(faces, torch.Tensor) else indices(faces, kind=torch.int32)
         self._vertices = vertices[None] if vertices.ndim == 2 else vertices
         self._faces = faces[None] if faces.ndim == 2 else faces
         if len(self._faces) == 1 and len(self._vertices) > 1:
@@ -44,7 +41,7 @@ class Mesh:
         if textures is None:
             shape = (self.num_faces, texture_res**2) if surface else (self.num_vertices,)
             textures = torch.ones(self.batch_size, *shape, 3, device=self.device)
-        textures = _tensor(textures, torch.float32)
+        textures = floats(textures, "textures")
         self._textures = textures[None] if textures.ndim == (3 if surface else 2) else textures
         self.texture_res = math.isqrt(self._textures.shape[2]) if surface else 1
         # What `reset_` takes back; programs of the official package set them.

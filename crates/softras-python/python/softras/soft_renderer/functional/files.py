@@ -36,7 +36,7 @@ def load_obj(
     """
     if texture_type not in ("surface", "vertex"):
         raise ValueError(f"texture_type is {texture_type!r}: use surface or vertex")
-    mesh = load(os.fspath(filename_obj))
+    mesh = load(os.fspath(filename_obj), srgb=False)
     vertices = torch.from_numpy(mesh.positions)
     faces = torch.from_numpy(mesh.triangles.astype(np.int32))
     if normalization:
@@ -97,7 +97,7 @@ def save_obj(
             image, uvs = _atlas(colors, max(texture_res, 4))
             corners = np.arange(3 * len(faces)).reshape(-1, 3)
             look = {"textures": image, "uvs": uvs.reshape(-1, 2), "uv_triangles": corners}
-    Mesh(vertices, faces, **look).save(os.fspath(filename))
+    Mesh(vertices, faces, **look).save(os.fspath(filename), srgb=False)
 
 
 def save_voxel(filename: Path, voxel: torch.Tensor) -> None:

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
+import numbers
 from typing import Any, Optional
 
 import torch
 import torch.nn.functional as F
 
+from ..._tensors import plain
+from ...errors import CameraError
 from ..kinds import Number, Vector
 
 
@@ -19,16 +22,16 @@ def as_rows(value, like: torch.Tensor) -> torch.Tensor:
 
 def get_points_from_angles(distance: Number, elevation: Number, azimuth: Number, degrees: bool = True) -> Any:
     """Eyes d (cos e sin a, sin e, -cos e cos a): a tuple for numbers, [batch, 3] for tensors."""
-    numbers = isinstance(distance, (int, float))
+    plain = isinstance(distance, numbers.Real)
     if degrees:
-        elevation, azimuth = (math.radians(x) if numbers else torch.deg2rad(x) for x in (elevation, azimuth))
-    sin, cos = (math.sin, math.cos) if numbers else (torch.sin, torch.cos)
+        elevation, azimuth = (math.radians(x) if plain else torch.deg2rad(x) for x in (elevation, azimuth))
+    sin, cos = (math.sin, math.cos) if plain else (torch.sin, torch.cos)
     eye = (
         distance * cos(elevation) * sin(azimuth),
         distance * sin(elevation),
         -distance * cos(elevation) * cos(azimuth),
     )
-    return eye if numbers else torch.stack(eye, dim=1)
+    return eye if plain else torch.stack(eye, dim=1)
 
 
 def _check_batch(vertices: torch.Tensor) -> None:
@@ -49,14 +52,17 @@ def look(vertices: torch.Tensor, eye: Vector, direction: Vector = (0, 1, 0), up:
     up = as_rows(up, vertices)
     # The official code's bound on lengths.
     z = F.normalize(direction, eps=1e-5)
-    x = F.normalize(torch.linalg.cross(*torch.broadcast_tensors(up, z)), eps=1e-5)
+    x = torch.linalg.cross(*torch.broadcast_tensors(up, z))
+    if plain() and not x.norm(dim=1).all():
+        raise CameraError("look: up is along the view, or eye and target coincide: give another up")
+    x = F.normalize(x, eps=1e-5)
     y = F.normalize(torch.linalg.cross(*torch.broadcast_tensors(z, x)), eps=1e-5)
     axes = torch.stack(torch.broadcast_tensors(x, y, z), dim=1)
     return (vertices - eye[:, None, :]) @ axes.transpose(1, 2)
 
 
-def look_at(vertices: torch.Tensor, eye: Vector, at: Vector = (0, 0, 0), up: Optional[Vector] = (0, 1, 0)) -> torch.Tensor:
-    """Vertices [batch, V, 3] in the view space of cameras at `eye` that look at `at`."""
+def look_at(vertices: torch.Tensor, eye: Vector, at: Vector = (0, 0, 0), up: Optional[Vector] = None) -> torch.Tensor:
+    """Vertices [batch, V, 3] in the view space of cameras at `eye` that look at `at`; `up` as of `look`."""
     _check_batch(vertices)
     eye, at = as_rows(eye, vertices), as_rows(at, vertices)
     return look(vertices, eye, at - eye, up)

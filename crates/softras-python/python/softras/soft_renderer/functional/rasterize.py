@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import numbers
 import warnings
+import weakref
 from typing import Optional
 
 import numpy as np
@@ -11,6 +13,7 @@ from torch.utils._pytree import tree_leaves
 
 from ... import _scene
 from ... import torch as softras_torch
+from ..._tensors import floats, host
 from ..._softras import Camera
 from ...errors import InputError, LimitError
 from ...settings import Settings
@@ -23,7 +26,7 @@ _ALPHA = {"hard": "hard", "sum": "sum", "prod": "product"}
 
 def _sides(image_size: Size) -> tuple:
     """Height and width of an image of one side, or of (height, width)."""
-    return (image_size, image_size) if isinstance(image_size, int) else tuple(image_size)
+    return (image_size, image_size) if isinstance(image_size, numbers.Integral) else tuple(image_size)
 
 
 #: The arguments of `soft_rasterize` that say how an image is made, besides its size.
@@ -148,10 +151,11 @@ def rasterized(vertices, faces, textures, texture_type, image_size, options, exa
     images were read."""
     batch, count = len(vertices), faces.shape[-2]
     look = "surface" if texture_type == "surface" else "colors"
-    given = {"positions": vertices.float(), look: textures.float()}
+    given = {"positions": floats(vertices, "vertices").float(), look: floats(textures, "textures").float()}
     constants = {"settings": _settings(image_size, **options), "mode": "exact" if exact_gradients else "paper"}
-    scene, flat = _scene.build(given, {}, faces, [Camera.screen()] * batch, constants, torch.Tensor, softras_torch._host)
-    scene.late = state is not None and not state.colors_are_read
+    scene, flat = _scene.build(given, {}, faces, [Camera.screen()] * batch, constants, torch.Tensor, host)
+    values = None if state is None or state.colors_are_read else [host(tensor).copy() for tensor in flat]
+    kept = _scene.Kept(values=values)
 
     def tried(call):
         try:
@@ -162,7 +166,9 @@ def rasterized(vertices, faces, textures, texture_type, image_size, options, exa
             cells = f"{batch} × {count} faces with {textures.shape[2]} cells each"
             raise LimitError(f"{error}; {cells}: use a smaller texture_res, or softras.torch.render with textures") from None
 
-    found = tried(lambda: softras_torch._rendered(scene, flat))
+    # The frame gets the colours, too, if it still waits for its gradients when they are read.
+    waiting = weakref.ref(kept)
+    found = tried(lambda: softras_torch._rendered(scene, flat, kept))
     images = torch.cat((found.color.permute(0, 3, 1, 2), found.silhouette[:, None]), dim=1).contiguous()
     if state is None:
         return images
@@ -172,8 +178,13 @@ def rasterized(vertices, faces, textures, texture_type, image_size, options, exa
 
     def read():
         state.colors_are_read = True
-        if scene.late:
-            whole[:, :3] = torch.from_numpy(tried(scene.finish).color).permute(0, 3, 1, 2)
+        if values is not None:
+            kept = waiting()
+            save = kept is not None and kept.frame is not None
+            frame = tried(lambda: _scene.render(scene, values, save))
+            if save:
+                kept.frame, kept.values = frame, None
+            whole[:, :3] = torch.from_numpy(frame.color).permute(0, 3, 1, 2)
 
     images = images.as_subclass(_Images)
     images.read = read
