@@ -23,6 +23,7 @@ pub struct Voxels {
     resolution: usize,
     side: f64,
     inside: Vec<bool>,
+    is_mixed: bool,
 }
 
 impl Voxels {
@@ -34,12 +35,29 @@ impl Voxels {
         validate(low, side, resolution)?;
         let mut votes = vec![0u8; resolution.pow(3)];
         let grid = Grid { low, step: side / resolution as f64, resolution };
+        let (mut least, mut most) = (0, 0);
         for axis in 0..3 {
             grid.walk(mesh, axis, |at, before, total| {
                 votes[at] += u8::from(before != 0) + u8::from(total - before != 0);
+                if total == 0 {
+                    (least, most) = (before.min(least), before.max(most));
+                }
             });
         }
-        Ok(Self { resolution, side, inside: votes.into_iter().map(|votes| votes > 3).collect() })
+        let inside = votes.into_iter().map(|votes| votes > 3).collect();
+        Ok(Self { resolution, side, inside, is_mixed: least < 0 && most > 0 })
+    }
+
+    /// Whether some parts of the mesh are inside out and others are not. Where two such parts overlap, they cancel and count as outside.
+    pub fn is_mixed(&self) -> bool {
+        self.is_mixed
+    }
+
+    /// The number of voxels inside of both over that of those inside of either; 1 where neither has an inside. Both are of one cube.
+    pub fn iou(&self, other: &Self) -> f64 {
+        let pairs = || self.inside.iter().zip(&other.inside);
+        let (both, either) = (pairs().filter(|(a, b)| **a && **b).count(), pairs().filter(|(a, b)| **a || **b).count());
+        if either == 0 { 1.0 } else { both as f64 / either as f64 }
     }
 
     /// Whether each voxel is inside, x running fastest, then y, then z.
@@ -61,10 +79,7 @@ impl Voxels {
 /// [`softras::Error::Fit`] for a resolution outside 1 to 512.
 pub fn voxel_iou(a: &Mesh, b: &Mesh, resolution: usize) -> Result<f64> {
     let (low, side) = cube_around(&[a, b]);
-    let [a, b] = [Voxels::new(a, low, side, resolution)?, Voxels::new(b, low, side, resolution)?];
-    let count = |keep: fn(bool, bool) -> bool| a.inside.iter().zip(&b.inside).filter(|(a, b)| keep(**a, **b)).count();
-    let (both, either) = (count(|a, b| a && b), count(|a, b| a || b));
-    Ok(if either == 0 { 1.0 } else { both as f64 / either as f64 })
+    Ok(Voxels::new(a, low, side, resolution)?.iou(&Voxels::new(b, low, side, resolution)?))
 }
 
 /// The share of a solid that its mesh encloses other than once: where parts of it overlap, and where it is inside out. It is

@@ -41,6 +41,10 @@ pub struct Loaded {
     /// where all are 1. The model has no glass: `softras render` blends these triangles over the others, everything else draws
     /// them opaque. The alpha of textures is in the mesh.
     pub opacity: Vec<f32>,
+    /// Whether the material of each triangle is drawn from its front alone, as a glTF file's is unless it is `doubleSided`; empty
+    /// where none is. `softras render` leaves out what it hides, and so does `softras_view::seen` in other scenes. Everything else
+    /// draws both sides.
+    pub single_sided: Vec<bool>,
     /// Whether all materials of the file say that light does not shade them.
     pub unlit: bool,
     /// Where the mesh's origin lies in the file's coordinates: 0, but for a mesh that lies so far from there that 32-bit numbers
@@ -59,9 +63,9 @@ pub struct Loaded {
 impl From<Mesh> for Loaded {
     /// A mesh of no file.
     fn from(mesh: Mesh) -> Self {
-        let (normals, opacity, unlit, origin, y_is_up) = Default::default();
+        let (normals, opacity, single_sided, unlit, origin, y_is_up) = Default::default();
         let (materials, notes, files) = Default::default();
-        Self { mesh, normals, opacity, unlit, origin, y_is_up, materials, notes, files }
+        Self { mesh, normals, opacity, single_sided, unlit, origin, y_is_up, materials, notes, files }
     }
 }
 
@@ -137,6 +141,7 @@ pub struct Source<'a> {
     pub files: Vec<PathBuf>,
     pub normals: Vec<[[f32; 3]; 3]>,
     pub opacity: Vec<f32>,
+    pub single_sided: Vec<bool>,
     pub unlit: bool,
     pub origin: [f64; 3],
     pub y_is_up: bool,
@@ -166,6 +171,7 @@ impl<'a> Source<'a> {
             files: vec![path.into()],
             normals: Vec::new(),
             opacity: Vec::new(),
+            single_sided: Vec::new(),
             unlit: false,
             origin: [0.0; 3],
             y_is_up: false,
@@ -301,7 +307,7 @@ impl<'a> Source<'a> {
             self.notes.add(None, "a texture is wholly transparent (alpha 0): its triangles are invisible");
         }
         let notes = self.notes.finish(self.options.strict)?;
-        let Self { normals, opacity, unlit, origin, y_is_up, materials, files, .. } = self;
-        Ok(Loaded { mesh, normals, opacity, unlit, origin, y_is_up, materials, notes, files })
+        let Self { normals, opacity, single_sided, unlit, origin, y_is_up, materials, files, .. } = self;
+        Ok(Loaded { mesh, normals, opacity, single_sided, unlit, origin, y_is_up, materials, notes, files })
     }
 }

@@ -405,7 +405,8 @@ pub fn meshes(value: &Bound<'_, PyAny>) -> PyResult<Vec<softras::Mesh>> {
 #[pyo3(signature = (path, *, srgb = true, allow_outside = false, strict = false))]
 pub fn load(py: Python<'_>, path: PathBuf, srgb: bool, allow_outside: bool, strict: bool) -> PyResult<Mesh> {
     let options = LoadOptions { srgb, allow_outside, strict, ..LoadOptions::default() };
-    let loaded = py.detach(|| softras_io::load_with(&path, &options).and_then(softras_io::Loaded::at_place)).raise()?;
+    let read = || softras_view::alone(softras_io::load_with(&path, &options)?.at_place()?, strict);
+    let loaded = py.detach(read).raise()?;
     Ok(Mesh { mesh: loaded.mesh, notes: loaded.notes })
 }
 

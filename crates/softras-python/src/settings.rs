@@ -19,6 +19,9 @@ pub fn chosen<T: Clone>(field: &str, name: &str, among: &[(&str, T)]) -> PyResul
     })
 }
 
+/// The names of [`Faces`].
+pub const FACES: [(&str, Faces); 2] = [("both", Faces::Both), ("front", Faces::Front)];
+
 /// The value of the name that a field holds.
 fn field<T: Clone>(value: &Bound<'_, PyAny>, field: &str, among: &[(&str, T)]) -> PyResult<T> {
     chosen(field, &value.getattr(field)?.extract::<String>()?, among)
@@ -98,7 +101,7 @@ pub fn settings(value: Option<&Bound<'_, PyAny>>) -> PyResult<Settings> {
             "background",
             &[("weighted", Background::Weighted), ("composite", Background::Composite)],
         )?,
-        faces: field(value, "faces", &[("both", Faces::Both), ("front", Faces::Front)])?,
+        faces: field(value, "faces", &FACES)?,
         front_face: field(
             value,
             "front_face",

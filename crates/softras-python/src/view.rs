@@ -4,12 +4,15 @@ use crate::arrays::color;
 use crate::exceptions::{Raise, bad_input};
 use crate::mesh::Mesh;
 use crate::renderer::Renderer;
-use crate::settings::chosen;
+use crate::settings::{FACES, chosen};
 use numpy::{PyArray1, PyArray4, PyArrayMethods, PyReadonlyArray3, PyReadonlyArray4, PyUntypedArrayMethods};
 use pyo3::exceptions::PyUserWarning;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
-use softras::{Settings, scene::Shading};
+use softras::{
+    Settings,
+    scene::{Faces, Shading},
+};
 use softras_io::{Floats, LoadOptions, Picture};
 use softras_view::{CameraOptions, LightOptions, Look, Motion, Options, View};
 use std::ffi::CString;
@@ -31,6 +34,7 @@ pub struct Plan<'py> {
     shading: String,
     crease: Option<f64>,
     unlit: bool,
+    faces: Option<String>,
     turntable: Option<usize>,
 }
 
@@ -38,17 +42,19 @@ impl Plan<'_> {
     fn options(&self) -> PyResult<Options> {
         let Self { azimuth, elevation, fov, up, .. } = *self;
         let shading = chosen("shading", &self.shading, &[("smooth", Shading::Smooth), ("flat", Shading::Flat)])?;
+        let faces = self.faces.as_deref().map(|faces| chosen("faces", faces, &FACES)).transpose()?;
         let look = Look {
             size: self.size,
             sigma: self.sigma,
             background: self.background.as_ref().map(|value| color(value, "background")).transpose()?,
-            model: Settings { gamma: self.gamma, ..Look::default().model },
+            model: Settings { gamma: self.gamma, faces: faces.unwrap_or_default(), ..Look::default().model },
             ..Look::default()
         };
         Ok(Options {
             camera: CameraOptions { azimuth, elevation, fov, up, ..CameraOptions::default() },
             look,
             samples: self.samples,
+            both_sides: faces == Some(Faces::Both),
             motion: self.turntable.map_or(Motion::Still, Motion::Turntable),
             crease: self.crease,
             light: LightOptions { shading, unlit: self.unlit, ..LightOptions::default() },

@@ -1,17 +1,40 @@
-//! Transparent materials, drawn as a second layer.
+//! Transparent materials, drawn as further layers.
 //!
-//! The model orders by depth, so that a near pane outweighs what lies behind it: it has no glass. Opaque and transparent
-//! triangles are therefore rendered as two frames, and in each pixel the nearer one is blended over the other: the front's alpha
-//! f and the back's b make f + (1 - f) b. The alpha of the transparent layer is its silhouette times its material's opacity. Of
-//! several panes the nearest is drawn.
+//! The model orders by depth, so that a near pane outweighs what lies behind it: it has no glass. Opaque triangles are therefore
+//! rendered as one frame and transparent ones as frames of a layer each, in which none hides another ([`panes`]). Each pixel then
+//! blends its surfaces from the nearest to the farthest: the front's alpha f and the alpha b of what lies behind make
+//! f + (1 - f) b. The alpha of a layer is its silhouette times its opacity.
 
-use crate::{options::Output, solid::solid};
-use softras::scene::{Appearance, Background, ColorAggregation, Lights, Outputs};
+use crate::{
+    facing::{Sided, all_seen, turned},
+    options::Output,
+    panes::{MOST, panes},
+    solid::solid,
+};
+use softras::scene::{Appearance, Background, ColorAggregation, Lights, Outputs, Texture};
 use softras::{Camera, Frame, Image, Mesh, Renderer, Result, Scene, Settings};
+
+/// Surfaces of two layers whose depths differ by less than this share are in one place, and the nearer one is drawn: it is more than
+/// [`turned`] moves back faces, and than two triangles with a common edge differ there.
+const ONE_PLACE: f32 = 2e-5;
+/// A texture is glass, and not a cut-out with soft edges, if more than this share of the texels that are seen are neither clear nor
+/// opaque, to within [`NEARLY`].
+const GLASS: f32 = 0.5;
+const NEARLY: f32 = 0.05;
 
 /// The transparent triangles of a mesh.
 #[derive(Debug)]
 pub struct Glass {
+    sides: Sided,
+    /// The same triangles, whose grey values are their opacities.
+    grey: Mesh,
+    /// The opacity of each; `None` where a texture has it.
+    opacity: Vec<Option<f32>>,
+}
+
+/// Transparent triangles of which none hides another from a camera.
+#[derive(Debug)]
+pub struct Pane {
     scene: Scene,
     opacity: Opacity<Box<Scene>>,
 }
@@ -21,7 +44,7 @@ pub struct Glass {
 enum Opacity<T> {
     /// The same everywhere.
     One(f32),
-    /// By triangle: a scene, or a frame, whose grey values are the opacities.
+    /// A scene, or a frame, whose grey values are the opacities.
     Several(T),
 }
 
@@ -32,22 +55,116 @@ pub struct Layer {
     opacity: Opacity<Frame>,
 }
 
-/// Takes the triangles with an opacity below 1 out of a mesh; `opacity` has one value a triangle, or none at all.
-pub fn separate(mesh: Mesh, opacity: &[f32]) -> Result<(Mesh, Option<Glass>)> {
-    let (clear, solid): (Vec<usize>, Vec<usize>) = (0..opacity.len()).partition(|&t| opacity[t] < 1.0);
-    let Some(&first) = clear.first() else { return Ok((mesh, None)) };
-    let glass = mesh.part(&clear)?;
-    let opacities = if clear.iter().all(|&t| opacity[t] == opacity[first]) {
-        Opacity::One(opacity[first])
-    } else {
-        let texels = clear.iter().map(|&t| [opacity[t]; 3]).collect();
-        let grey = glass.clone().with_appearance(Appearance::Surface { resolution: 1, texels })?;
-        Opacity::Several(Box::new(Scene::new(grey).with_lights(Lights::unlit())))
+/// Whether a texture's alpha is that of glass.
+fn is_glass(texture: &Texture) -> bool {
+    let count = |least: f32| texture.alpha().map_or(0, |alpha| alpha.iter().filter(|a| **a > least).count());
+    let (seen, opaque) = (count(NEARLY), count(1.0 - NEARLY));
+    (seen - opaque) as f32 > GLASS * seen as f32
+}
+
+/// Takes the transparent triangles out of a mesh: those with an opacity below 1, and those with a texture of glass. Triangles of
+/// opacity 0 are nowhere. `opacity` has one value a triangle, or none at all.
+pub fn separate(whole: Sided, opacity: &[f32]) -> Result<(Sided, Option<Glass>)> {
+    let (textures, texture_of_triangle) = match whole.mesh.appearance() {
+        Appearance::Textured { textures, texture_of_triangle, .. } => (&textures[..], &texture_of_triangle[..]),
+        _ => (&[][..], &[][..]),
     };
-    Ok((mesh.part(&solid)?, Some(Glass { scene: Scene::new(glass), opacity: opacities })))
+    let glassy: Vec<bool> = textures.iter().map(is_glass).collect();
+    let texture_of = |t: usize| texture_of_triangle.get(t).map_or(0, |&texture| texture as usize);
+    let is_textured = |t: usize| glassy.get(texture_of(t)).is_some_and(|glassy| *glassy);
+    let of = |t: usize| opacity.get(t).copied().unwrap_or(1.0);
+    let (clear, solid): (Vec<usize>, Vec<usize>) =
+        (0..whole.mesh.triangles().len()).partition(|&t| of(t) < 1.0 || is_textured(t));
+    if clear.is_empty() {
+        return Ok((whole, None));
+    }
+    let clear: Vec<usize> = clear.into_iter().filter(|&t| of(t) > 0.0).collect();
+    let Sided { mesh, single_sided } = whole.part(&clear)?;
+    let glass = Glass {
+        grey: grey(mesh.clone(), &glassy, clear.iter().map(|&t| of(t)).collect())?,
+        opacity: clear.iter().map(|&t| (!is_textured(t)).then(|| of(t))).collect(),
+        sides: Sided { mesh: without_alpha(mesh, &glassy)?, single_sided },
+    };
+    Ok((whole.part(&solid)?, (!clear.is_empty()).then_some(glass)))
+}
+
+/// A mesh whose textures of glass are opaque.
+fn without_alpha(mesh: Mesh, glassy: &[bool]) -> Result<Mesh> {
+    let mut appearance = mesh.appearance().clone();
+    if let Appearance::Textured { textures, .. } = &mut appearance {
+        for (texture, _) in textures.iter_mut().zip(glassy).filter(|(_, glassy)| **glassy) {
+            *texture = Texture::new(texture.width(), texture.height(), texture.texels().to_vec(), texture.wrap())?;
+        }
+    }
+    mesh.with_appearance(appearance)
+}
+
+/// A mesh whose grey values are opacities, of triangles and of textures of glass.
+fn grey(mesh: Mesh, glassy: &[bool], opacity: Vec<f32>) -> Result<Mesh> {
+    let appearance = match mesh.appearance() {
+        Appearance::Textured { uvs, uv_triangles, textures, texture_of_triangle } if glassy.contains(&true) => {
+            let mut greys: Vec<((usize, u32), Texture)> = Vec::new();
+            let mut of_triangle = Vec::with_capacity(opacity.len());
+            for (t, opacity) in opacity.into_iter().enumerate() {
+                let key = (texture_of_triangle.get(t).map_or(0, |&i| i as usize), opacity.to_bits());
+                let known = greys.iter().position(|(known, _)| *known == key);
+                of_triangle.push(known.unwrap_or(greys.len()) as u32);
+                if known.is_none() {
+                    let texture = &textures[key.0];
+                    let alpha = texture.alpha().filter(|_| glassy[key.0]).unwrap_or(&[]);
+                    let texels = alpha.iter().map(|alpha| [alpha * opacity; 3]).collect();
+                    greys.push((
+                        key,
+                        match alpha {
+                            [] => Texture::new(1, 1, vec![[opacity; 3]], texture.wrap())?,
+                            _ => Texture::new(texture.width(), texture.height(), texels, texture.wrap())?,
+                        },
+                    ));
+                }
+            }
+            let textures = greys.into_iter().map(|(_, texture)| texture).collect();
+            let (uvs, uv_triangles) = (uvs.clone(), uv_triangles.clone());
+            Appearance::Textured { uvs, uv_triangles, textures, texture_of_triangle: of_triangle }
+        }
+        _ => Appearance::Surface { resolution: 1, texels: opacity.into_iter().map(|opacity| [opacity; 3]).collect() },
+    };
+    mesh.with_appearance(appearance)
 }
 
 impl Glass {
+    /// The triangles of each layer that a camera sees.
+    fn layers(&self, camera: &Camera, settings: &Settings) -> Vec<Vec<usize>> {
+        let Sided { mesh, single_sided } = &self.sides;
+        let seen = all_seen(mesh, single_sided, camera);
+        panes(mesh, &seen, camera, (settings.width, settings.height), settings.near)
+    }
+
+    /// The number of triangles without a layer of their own: of these, the nearest is drawn.
+    pub fn crowded(&self, camera: &Camera, settings: &Settings) -> usize {
+        self.layers(camera, settings).get(MOST).map_or(0, Vec::len)
+    }
+
+    /// The layers that a camera sees. `turns`: normals point to the viewer.
+    ///
+    /// # Errors
+    /// As [`Mesh::part`].
+    pub fn panes(&self, camera: &Camera, settings: &Settings, turns: bool) -> Result<Vec<Pane>> {
+        let pane = |triangles: &Vec<usize>| {
+            let part = |mesh: &Mesh| {
+                mesh.part(triangles).and_then(|part| if turns { turned(&part, camera) } else { Ok(part) })
+            };
+            let first = self.opacity[triangles[0]];
+            let opacity = match first.filter(|_| triangles.iter().all(|&t| self.opacity[t] == first)) {
+                Some(opacity) => Opacity::One(opacity),
+                None => Opacity::Several(Box::new(Scene::new(part(&self.grey)?).with_lights(Lights::unlit()))),
+            };
+            Ok(Pane { scene: Scene::new(part(&self.sides.mesh)?), opacity })
+        };
+        self.layers(camera, settings).iter().map(pane).collect()
+    }
+}
+
+impl Pane {
     /// Renders the layer.
     ///
     /// # Errors
@@ -80,6 +197,8 @@ struct Surface<'a> {
     /// The model's silhouette, and what stands for it in the picture.
     model: &'a [f32],
     alpha: Vec<f32>,
+    /// How much it hides where it is; `None`: everything.
+    opacity: Option<Vec<f32>>,
 }
 
 /// The frame's image of an output.
@@ -99,11 +218,11 @@ fn factor(settings: &Settings, output: Output, alpha: f32) -> f32 {
 }
 
 impl<'a> Surface<'a> {
-    fn of(frame: &'a Frame, output: Output, is_solid: bool) -> Result<Self> {
+    fn of(frame: &'a Frame, opacity: Option<Vec<f32>>, output: Output, is_solid: bool) -> Result<Self> {
         let silhouette = frame.silhouette()?;
         let alpha = if is_solid { solid(silhouette) } else { silhouette.view(0).to_vec() };
         let depth = frame.depth()?;
-        Ok(Self { image: image_of(frame, output)?, depth: depth.view(0), model: silhouette.view(0), alpha })
+        Ok(Self { image: image_of(frame, output)?, depth: depth.view(0), model: silhouette.view(0), alpha, opacity })
     }
 
     /// A value without the background.
@@ -118,6 +237,11 @@ impl<'a> Surface<'a> {
     fn depth(&self, settings: &Settings, pixel: usize) -> f32 {
         let alpha = self.model[pixel];
         if alpha > 0.0 { self.depth[pixel] / factor(settings, Output::Depth, alpha) } else { f32::INFINITY }
+    }
+
+    /// The share of what lies behind that it hides.
+    fn hides(&self, pixel: usize) -> f32 {
+        self.alpha[pixel] * self.opacity.as_ref().map_or(1.0, |opacity| opacity[pixel])
     }
 }
 
@@ -142,50 +266,54 @@ impl Layer {
             }
         }
     }
+}
 
-    /// One image of both layers, in the convention of the model's own. `is_solid`: alpha is 1 inside of surfaces. A depth or a
-    /// normal is that of the nearer layer where it covers more than half of the pixel. Without a background to blend with,
-    /// `transparent`, colours are straight.
-    ///
-    /// # Errors
-    /// [`softras::Error::Settings`] for an image that the frames do not have.
-    pub fn over(
-        &self,
-        opaque: &Frame,
-        settings: &Settings,
-        output: Output,
-        is_solid: bool,
-        transparent: bool,
-    ) -> Result<Image> {
-        let below = Surface::of(opaque, output, is_solid)?;
-        let above = Surface::of(&self.frame, output, is_solid)?;
-        let opacities = self.opacities(settings)?;
-        let channels = below.image.channels;
-        let mut image = below.image.clone();
-        for (pixel, values) in image.data.chunks_exact_mut(channels).enumerate() {
-            let glass = above.alpha[pixel] * opacities[pixel];
-            let is_front = above.depth(settings, pixel) < below.depth(settings, pixel);
-            let alphas = if is_front { [glass, below.alpha[pixel]] } else { [below.alpha[pixel], glass] };
-            let surfaces = if is_front { [&above, &below] } else { [&below, &above] };
-            let shares = [alphas[0], (1.0 - alphas[0]) * alphas[1]];
-            let alpha = shares[0] + shares[1];
-            let shown = surfaces.map(|surface| surface.alpha[pixel]);
-            for (channel, value) in values.iter_mut().enumerate() {
-                let [front, back] = surfaces.map(|surface| surface.straight(settings, output, pixel, channel));
-                let mixed = front * shares[0] + back * shares[1];
-                *value = match output {
-                    Output::Silhouette => alpha,
-                    Output::Color if settings.background == Background::Weighted && transparent => {
-                        mixed / alpha.max(f32::MIN_POSITIVE)
-                    }
-                    Output::Color => mixed + (1.0 - alpha) * settings.background_color[channel] as f32,
-                    _ => {
-                        let nearer = shown[0] >= 0.5 || shown[1] <= 0.0;
-                        factor(settings, output, alpha) * if nearer { front } else { back }
-                    }
-                };
-            }
-        }
-        Ok(image)
+/// One image of the opaque frame and all layers, in the convention of the model's own. `is_solid`: alpha is 1 inside of surfaces. A
+/// depth or a normal is that of the nearest surface that covers more than half of the pixel. Without a background to blend with,
+/// `transparent`, colours are straight.
+///
+/// # Errors
+/// [`softras::Error::Settings`] for an image that the frames do not have.
+pub fn blended(
+    opaque: &Frame,
+    layers: &[Layer],
+    settings: &Settings,
+    output: Output,
+    is_solid: bool,
+    transparent: bool,
+) -> Result<Image> {
+    let mut surfaces = vec![Surface::of(opaque, None, output, is_solid)?];
+    for layer in layers {
+        surfaces.push(Surface::of(&layer.frame, Some(layer.opacities(settings)?), output, is_solid)?);
     }
+    let mut image = surfaces[0].image.clone();
+    let (channels, mut here) = (image.channels, Vec::with_capacity(surfaces.len()));
+    for (pixel, values) in image.data.chunks_exact_mut(channels).enumerate() {
+        here.clear();
+        here.extend(surfaces.iter().map(|surface| (surface.depth(settings, pixel), surface)));
+        here.retain(|(depth, _)| depth.is_finite());
+        here.sort_by(|a, b| a.0.total_cmp(&b.0));
+        here.dedup_by(|far, near| {
+            far.1.opacity.is_some() && near.1.opacity.is_some() && far.0 - near.0 < ONE_PLACE * near.0
+        });
+        let alpha = 1.0 - here.iter().map(|(_, surface)| 1.0 - surface.hides(pixel)).product::<f32>();
+        let nearest = here.iter().find(|(_, surface)| surface.alpha[pixel] >= 0.5).or(here.first());
+        for (channel, value) in values.iter_mut().enumerate() {
+            let straight = |surface: &Surface| surface.straight(settings, output, pixel, channel);
+            let (mut mixed, mut through) = (0.0, 1.0);
+            for (_, surface) in here.iter().filter(|_| output == Output::Color) {
+                mixed += through * surface.hides(pixel) * straight(surface);
+                through *= 1.0 - surface.hides(pixel);
+            }
+            *value = match output {
+                Output::Silhouette => alpha,
+                Output::Color if settings.background == Background::Weighted && transparent => {
+                    mixed / alpha.max(f32::MIN_POSITIVE)
+                }
+                Output::Color => mixed + (1.0 - alpha) * settings.background_color[channel] as f32,
+                _ => nearest.map_or(0.0, |(_, surface)| factor(settings, output, alpha) * straight(surface)),
+            };
+        }
+    }
+    Ok(image)
 }

@@ -4,7 +4,10 @@ use crate::{
     framing::Viewpoint,
     options::{Look, Output, Swept},
 };
-use softras::{Settings, scene::Outputs};
+use softras::{
+    Settings,
+    scene::{ColorAggregation, Distance, Outputs, SilhouetteAggregation},
+};
 
 /// Sigma of the default picture of [`DEFAULT_HEIGHT`] rows.
 const DEFAULT_SIGMA: f64 = 1e-5;
@@ -44,6 +47,16 @@ pub fn settings(
     match blur {
         Some(pixels) => settings.with_blur_pixels(pixels * rendered),
         None => settings,
+    }
+}
+
+/// The same where each sample shows what it hits.
+pub fn sharp(settings: Settings) -> Settings {
+    Settings {
+        color: ColorAggregation::Hard,
+        silhouette: SilhouetteAggregation::Hard,
+        distance: Distance::Hard,
+        ..settings
     }
 }
 

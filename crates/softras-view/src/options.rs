@@ -120,7 +120,7 @@ impl CameraOptions {
 pub struct Look {
     /// Width and height in pixels.
     pub size: (u32, u32),
-    /// Softness of edges, screen units²; `None`: a blur of 1.23 rendered pixels.
+    /// Softness of edges, screen units²; `None`: sharp, or a blur of 1.23 rendered pixels ([`Options::is_sharp`]).
     pub sigma: Option<f64>,
     /// Softness of edges as the distance in pixels that a triangle's influence reaches; it takes the place of `sigma`.
     pub blur: Option<f64>,
@@ -175,9 +175,11 @@ pub struct Options {
     pub fill: Fill,
     /// Size, softness and background.
     pub look: Look,
-    /// Each pixel averages this number of samples squared; `None`: 3 a side, or 1 where softness was asked for, or as many as a
+    /// Each pixel averages this number of samples squared; `None`: 4 a side, or 1 where softness was asked for, or as many as a
     /// frame can have.
     pub samples: Option<u32>,
+    /// Draw both sides of single-sided materials ([`softras_io::Loaded::single_sided`]).
+    pub both_sides: bool,
     /// `None`: solid, but the model's where the softness of edges or unusual modes were asked for.
     pub alpha: Option<Alpha>,
     /// The lights.
@@ -190,6 +192,15 @@ pub struct Options {
 }
 
 impl Options {
+    /// Whether each sample of a picture shows the surface that it hits. A soft edge would draw what is small and near as larger than
+    /// it is. The model is drawn where softness, another of its settings or its alpha is asked for. `floats`: its own values are wanted.
+    pub fn is_sharp(&self, floats: bool) -> bool {
+        let asked_soft =
+            self.look.sigma.is_some() || self.look.blur.is_some() || matches!(self.motion, Motion::Sweep(_));
+        let (usual, faces) = (Look::default().model, self.look.model.faces);
+        !floats && !asked_soft && self.alpha != Some(Alpha::Model) && self.look.model == Settings { faces, ..usual }
+    }
+
     /// The samples along each side of a pixel. `floats`: the model's own values are wanted, one a pixel.
     pub fn samples(&self, floats: bool) -> u32 {
         let asked_soft = self.look.sigma.is_some() || self.look.blur.is_some();
@@ -197,7 +208,7 @@ impl Options {
         match self.samples {
             Some(samples) => samples,
             None if floats || asked_soft => 1,
-            None => most.clamp(1, 3),
+            None => most.clamp(1, 4),
         }
     }
 
@@ -207,7 +218,7 @@ impl Options {
         self.camera.up.is_none() && self.camera.eye.is_none() && self.fill == Fill::Box
     }
 
-    /// Whether alpha is 1 inside of surfaces in pictures: unless the softness of edges or the model's own values were asked for.
+    /// Whether alpha is 1 inside of surfaces in pictures of the model: unless its softness or its own values were asked for.
     pub fn is_solid(&self) -> bool {
         let look = &self.look;
         let swept = matches!(self.motion, Motion::Sweep(Sweep { swept: Swept::Sigma | Swept::Blur, .. }));

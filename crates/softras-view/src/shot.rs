@@ -2,7 +2,7 @@
 
 use crate::{
     framing::Viewpoint,
-    layers::{Layer, image_of},
+    layers::{Layer, blended, image_of},
     options::Output,
     solid::solid,
 };
@@ -17,10 +17,10 @@ use std::ops::Range;
 /// A rendered image, or a band of its rows, and how it was made.
 #[derive(Debug)]
 pub struct Shot {
-    /// The band with its margins; without the transparent triangles if there is a layer of them.
+    /// The band with its margins, without transparent triangles.
     pub frame: Frame,
     /// The transparent triangles.
-    pub layer: Option<Layer>,
+    pub layers: Vec<Layer>,
     /// The band's rows in the whole image.
     pub rows: Range<usize>,
     /// Rows of the frame above the band's own.
@@ -40,12 +40,12 @@ pub struct Shot {
 }
 
 impl Shot {
-    /// An image of the frame, or of both layers with alpha as `is_solid` says.
+    /// An image of the frame, or of all layers with alpha as `is_solid` says.
     fn image(&self, output: Output, is_solid: bool) -> Result<Cow<'_, Image>> {
-        if let Some(layer) = &self.layer {
-            return layer.over(&self.frame, &self.settings, output, is_solid, self.transparent).map(Cow::Owned);
+        if self.layers.is_empty() {
+            return image_of(&self.frame, output).map(Cow::Borrowed);
         }
-        image_of(&self.frame, output).map(Cow::Borrowed)
+        blended(&self.frame, &self.layers, &self.settings, output, is_solid, self.transparent).map(Cow::Owned)
     }
 
     /// Whether an output's values are multiplied by alpha already, as the composite background's model has them.
@@ -60,9 +60,9 @@ impl Shot {
         &image.view(0)[self.above * row..(self.above + self.rows.len()) * row]
     }
 
-    /// Whether the alpha of any pixel, in either layer, is above 0 as a byte.
+    /// Whether the alpha of any pixel, in any layer, is above 0 as a byte.
     pub fn is_seen(&self) -> bool {
-        let layers = self.layer.iter().flat_map(|layer| layer.frames());
+        let layers = self.layers.iter().flat_map(|layer| layer.frames());
         let mut alphas = std::iter::once(&self.frame).chain(layers).filter_map(|frame| frame.silhouette().ok());
         alphas.any(|alpha| self.own(alpha).iter().any(|a| *a >= 0.5 / 255.0))
     }
@@ -83,8 +83,8 @@ impl Shot {
         let (image, alpha) = (self.image(output, self.is_solid)?, self.image(Output::Silhouette, self.is_solid)?);
         let (image, alpha) = (image.as_ref(), alpha.as_ref());
         let (width, first) = (image.width / self.samples, self.above / self.samples);
-        // What is blended of two layers is solid already.
-        let solid = (self.is_solid && self.layer.is_none()).then(|| solid(alpha));
+        // What is blended of several layers is solid already.
+        let solid = (self.is_solid && self.layers.is_empty()).then(|| solid(alpha));
         let samples = Samples { image, model: alpha.view(0), alpha: solid.as_deref().unwrap_or(alpha.view(0)) };
         for row in first..first + self.rows.len() / self.samples {
             (0..width).for_each(|column| visit(self.mean(output, &samples, (row, column))));

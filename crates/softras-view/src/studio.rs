@@ -3,11 +3,14 @@
 use crate::{
     animation::Step,
     bounds::Bounds,
-    crease, fill,
+    crease,
+    facing::Sided,
+    fill,
     framing::{self, Viewpoint},
     layers::{self, Glass},
     look,
     options::{Fill, Motion, Options, Output},
+    panes::MOST,
     shot::Shot,
     shrink::shrunk,
     standing::z_is_up,
@@ -19,6 +22,9 @@ use softras::{
     scene::Shading,
 };
 use softras_io::Loaded;
+
+/// The most samples of all layers of a band: 20 to 40 bytes each.
+const MOST_SAMPLES: usize = 1 << 24;
 
 /// Bands begin at multiples of so many rows of the picture, and so at the borders of tiles.
 const BAND: usize = 4;
@@ -35,9 +41,11 @@ pub struct Studio {
     /// The view before the first turn.
     first: Viewpoint,
     /// The opaque triangles of the mesh, with vertices split where its edges are kept.
-    scene: Scene,
+    opaque: Sided,
     /// The transparent ones.
     glass: Option<Glass>,
+    /// Whether the model's own values are wanted.
+    floats: bool,
     bands: Bands,
 }
 
@@ -60,7 +68,10 @@ impl Studio {
             let fix = "solid needs the product silhouette, Euclidean distance and the composite background";
             return Err(Error::Settings { field: "alpha", value: "solid".into(), fix: fix.into() });
         }
-        let Loaded { mesh, normals, opacity, unlit, origin, y_is_up, .. } = loaded;
+        let Loaded { mesh, normals, opacity, mut single_sided, unlit, origin, y_is_up, .. } = loaded;
+        if options.both_sides {
+            single_sided.clear();
+        }
         let mut notes = Vec::new();
         if options.has_no_axis() && !y_is_up && z_is_up(&mesh) {
             options.camera.up = Some([0.0, 0.0, 1.0]);
@@ -79,28 +90,47 @@ impl Studio {
             Fill::Box => {
                 let step = if let Motion::Sweep(sweep) = options.motion { Some(sweep.widest()) } else { None };
                 let widest = look::settings(&options.look, &plain, outputs, 1, step);
-                let share = fill::share(widest.sigma, widest.tau, aspect);
+                let sigma = if options.is_sharp(floats) { 0.0 } else { widest.sigma };
+                let share = fill::share(sigma, widest.tau, aspect);
                 fill::filling(&options.camera, &mesh, bounds, aspect, &options.motion.turns(), share)?
             }
             Fill::Sphere => plain,
         };
         let mesh = match (options.light.shading, options.crease) {
+            _ if options.light.unlit && !outputs.contains(&Output::Normal) => mesh,
             (Shading::Smooth, Some(degrees)) => crease::creased(&mesh, &[], degrees)?,
             (Shading::Smooth, None) => crease::creased(&mesh, &normals, crease::DEFAULT)?,
-            (Shading::Flat, _) => mesh,
+            (Shading::Flat, _) => crease::creased(&mesh, &[], 0.0)?,
         };
+        options.light.shading = Shading::Smooth;
         let unit = BAND * samples as usize;
-        // Whether a pixel is inside of a surface depends on its neighbours.
-        let bands = Bands { unit, margin: if options.is_solid() { unit } else { 0 }, at_once: usize::MAX };
-        let (mesh, glass) = layers::separate(mesh, &opacity)?;
-        let (cut, near) = (first.cut(&mesh), first.near);
+        let bands = Bands { unit, margin: 0, at_once: usize::MAX };
+        let (opaque, glass) = layers::separate(Sided { mesh, single_sided }, &opacity)?;
+        let (cut, near) = (first.cut(&opaque.mesh), first.near);
         if first.misses(bounds) {
             notes.push(MISSED.into());
         } else if cut > 0 {
             notes.push(format!("{cut} triangles lie before near ({near:.3}) and are cut there: lower --near"));
         }
-        let (scene, outputs) = (Scene::new(mesh), outputs.to_vec());
-        Ok((Self { options, outputs, samples, bounds, first, scene, glass, bands }, notes))
+        let outputs = outputs.to_vec();
+        let studio = Self { options, outputs, samples, bounds, first, opaque, glass, floats, bands };
+        if let Some(glass) = &studio.glass {
+            let crowded = glass.crowded(&first.camera()?, &studio.settings(&first, None));
+            if crowded > 0 {
+                notes.push(format!(
+                    "{crowded} transparent triangles lie behind {MOST} others: the nearest of them is drawn"
+                ));
+            }
+        }
+        Ok((studio, notes))
+    }
+
+    /// The settings of a frame.
+    fn settings(&self, view: &Viewpoint, step: Option<Step>) -> Settings {
+        let mut settings = look::settings(&self.options.look, view, &self.outputs, self.samples, step);
+        // Layers are blended by depth.
+        settings.outputs.depth |= self.glass.is_some();
+        if self.options.is_sharp(self.floats) { look::sharp(settings) } else { settings }
     }
 
     /// The likely reason why no frame shows anything of the mesh; `None` if a note has given it already, or if a frame shows something,
@@ -118,6 +148,11 @@ impl Studio {
             Some("no triangle of the mesh has an area: at most a faint blur of them is in the picture")
         } else if is_seen {
             None
+        } else if self.opaque.single_sided.contains(&true) {
+            Some(
+                "nothing of the mesh is in the picture: its single-sided materials are seen from behind, which --faces both draws, or \
+                 it is not where the camera looks",
+            )
         } else if is_placed || is_cut || camera.orthographic.is_some() {
             Some(
                 "nothing of the mesh is in the picture: it is not where the camera looks: without --eye, --look-at, --distance, \
@@ -138,7 +173,7 @@ impl Studio {
 
     /// The opaque triangles.
     pub fn mesh(&self) -> &Mesh {
-        &self.scene.meshes[0]
+        &self.opaque.mesh
     }
 
     /// Where the camera is after a turn around the vertical axis, in degrees.
@@ -158,23 +193,26 @@ impl Studio {
         step: Option<Step>,
         mut take: impl FnMut(&Shot) -> std::result::Result<(), E>,
     ) -> std::result::Result<(), E> {
-        let view = self.viewpoint(turn);
-        let Self { options, outputs, samples, scene, glass, bands, .. } = self;
-        let mut settings = look::settings(&options.look, &view, outputs, *samples, step);
-        // Layers are blended by depth.
-        settings.outputs.depth |= glass.is_some();
+        let (view, samples) = (self.viewpoint(turn), self.samples as usize);
+        let (camera, settings) = (view.camera()?, self.settings(&view, step));
+        let Self { options, opaque, glass, floats, bands, .. } = self;
         let (curve, transparent) = (options.look.curve, options.look.background.is_none());
-        scene.lights = framing::lights(&options.light, &view)?;
-        let (is_solid, camera) = (options.is_solid(), view.camera()?);
-        let samples = *samples as usize;
-        let lights = scene.lights.clone();
-        let layers = |camera: &Camera, settings: &Settings| {
-            let layer = glass.as_mut().map(|glass| glass.shoot(renderer, camera, &lights, settings)).transpose()?;
-            Ok((renderer.render(scene, &[*camera], settings)?, layer))
+        let is_solid = options.is_solid() && !options.is_sharp(*floats);
+        let lights = framing::lights(&options.light, &view)?;
+        let scene = Scene::new(opaque.shown(&camera, !*floats)?).with_lights(lights.clone());
+        let mut panes = glass.as_ref().map_or(Ok(Vec::new()), |glass| glass.panes(&camera, &settings, !*floats))?;
+        // Whether a pixel is inside of a surface depends on its neighbours.
+        bands.margin = if is_solid { bands.unit } else { 0 };
+        bands.at_once =
+            bands.at_once.min((MOST_SAMPLES / (settings.width as usize * bands.unit * (1 + panes.len()))).max(1));
+        let frames = |camera: &Camera, settings: &Settings| {
+            let layers =
+                panes.iter_mut().map(|pane| pane.shoot(renderer, camera, &lights, settings)).collect::<Result<_>>()?;
+            Ok((renderer.render(&scene, &[*camera], settings)?, layers))
         };
-        parts::in_bands(&camera, &settings, bands, layers, |Band { frame: (frame, layer), rows, above }| {
+        parts::in_bands(&camera, &settings, bands, frames, |Band { frame: (frame, layers), rows, above }| {
             let settings = settings.clone();
-            take(&Shot { frame, layer, rows, above, view, settings, samples, curve, transparent, is_solid })
+            take(&Shot { frame, layers, rows, above, view, settings, samples, curve, transparent, is_solid })
         })
     }
 }

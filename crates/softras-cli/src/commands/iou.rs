@@ -5,8 +5,6 @@ use super::outputs::Outputs;
 use super::{Failure, note, say};
 use clap::Args;
 use serde_json::json;
-use softras::Mesh;
-use softras_fit::voxel_iou;
 use softras_fit::{Voxels, cube_around, is_closed};
 use softras_io::{Budget, Loaded};
 use std::path::{Path, PathBuf};
@@ -28,7 +26,7 @@ pub struct IouArgs {
     /// Voxels along a side of the grid (32 in the paper)
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=512), default_value_t = 32)]
     pub resolution: u32,
-    /// Print one JSON object: iou, volumes, resolution, closed
+    /// Print one JSON object: iou, volumes, resolution, closed, parts_inside_out
     #[arg(long)]
     pub json: bool,
     #[command(flatten)]
@@ -40,15 +38,23 @@ pub fn run(args: &IouArgs) -> Result<(), Failure> {
     let [a, b] = [load(args, &args.a, &budget)?, load(args, &args.b, &budget)?];
     let (b, a) = (args.read.placed(b, a.origin)?.mesh, a.mesh);
     let resolution = args.resolution as usize;
-    let iou = voxel_iou(&a, &b, resolution)?;
+    let (low, side) = cube_around(&[&a, &b]);
+    let voxels = [Voxels::new(&a, low, side, resolution)?, Voxels::new(&b, low, side, resolution)?];
+    for (_, path) in voxels.iter().zip([&args.a, &args.b]).filter(|(voxels, _)| voxels.is_mixed()) {
+        let what =
+            "some parts are inside out: where they overlap others, both count as outside: turn their triangles over";
+        note(&format!("{}: {what}", path.display()));
+    }
+    let iou = voxels[0].iou(&voxels[1]);
     if !args.json {
         return say(&format!("{iou:.6}"));
     }
-    let (low, side) = cube_around(&[&a, &b]);
-    let volume = |mesh: &Mesh| Voxels::new(mesh, low, side, resolution).map(|v| v.volume());
     let closed = [is_closed(&a)?, is_closed(&b)?];
-    let report =
-        json!({ "iou": iou, "volumes": [volume(&a)?, volume(&b)?], "resolution": resolution, "closed": closed });
+    let [volumes, mixed] =
+        [json!(voxels.each_ref().map(Voxels::volume)), json!(voxels.each_ref().map(Voxels::is_mixed))];
+    let report = json!({
+        "iou": iou, "volumes": volumes, "resolution": resolution, "closed": closed, "parts_inside_out": mixed,
+    });
     say(&report.to_string())
 }
 

@@ -25,19 +25,13 @@ pub struct ReadArgs {
 }
 
 impl ReadArgs {
-    /// Reads a mesh within the budget and prints the notes on it, for a command that draws transparent materials opaque. None
-    /// of the files read may be one that will be written. Textures are decoded from sRGB if so asked.
+    /// Reads a mesh within the budget and prints the notes on it, for a command that draws the mesh alone. None of the files read
+    /// may be one that will be written. Textures are decoded from sRGB if so asked.
     pub fn read(self, path: &Path, srgb: bool, outputs: &Outputs, budget: &Budget) -> Result<Loaded, Failure> {
-        let mut loaded = self.read_layers(path, srgb, outputs, budget)?;
-        if !loaded.opacity.is_empty() {
-            let what = "transparent materials are drawn opaque: `softras render` alone blends them";
-            if self.strict {
-                let fix = "set their d to 1 and their Tr to 0, or leave --strict out".into();
-                return Err(Error::File { path: path.into(), line: None, what: what.into(), fix }.into());
-            }
-            note(what);
-            loaded.notes.push(what.into());
-        }
+        let loaded = self.read_layers(path, srgb, outputs, budget)?;
+        let known = loaded.notes.len();
+        let loaded = softras_view::alone(loaded, self.strict)?;
+        loaded.notes[known..].iter().for_each(|text| note(text));
         Ok(loaded)
     }
 
@@ -56,7 +50,7 @@ impl ReadArgs {
         Ok(loaded)
     }
 
-    /// The same for a command that draws [`Loaded::opacity`].
+    /// The same for a command that draws [`Loaded::opacity`] and [`Loaded::single_sided`].
     pub fn read_layers(self, path: &Path, srgb: bool, outputs: &Outputs, budget: &Budget) -> Result<Loaded, Failure> {
         let options =
             LoadOptions { srgb, allow_outside: self.allow_outside, strict: self.strict, memory: budget.left() };

@@ -93,6 +93,112 @@ fn a_sign_hides_the_wall_behind_it_in_a_scene_of_any_size() {
     }
 }
 
+/// Small triangles before a wall cover what they cover, at any number of samples, and soft ones more.
+#[test]
+fn specks_are_not_drawn_fat() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut obj = String::from("v -1 -1 0 1 1 1\nv 1 -1 0 1 1 1\nv 1 1 0 1 1 1\nv -1 1 0 1 1 1\nf 1 2 3 4\n");
+    // 40 × 40 triangles of 4 % of their cells' area.
+    for i in 0..1600 {
+        let [x, y] = [i % 40, i / 40].map(|k| f64::from(k) / 20.0 - 0.975);
+        obj +=
+            &format!("v {x} {y} 0.1 0 0 0\nv {} {y} 0.1 0 0 0\nv {x} {} 0.1 0 0 0\nf -3 -2 -1\n", x + 0.02, y + 0.01);
+    }
+    fs::write(folder.path().join("specks.obj"), obj).unwrap();
+    let dark = |extra: &[&str]| {
+        let view =
+            ["--eye", "0,0,5", "--look-at", "0,0,0", "--orthographic", "0.95", "--unlit", "--raw", "--size", "64"];
+        succeeds(folder.path(), &[&["render", "specks.obj", "-o", "a.png"], &view[..], extra].concat());
+        let picture = picture(&folder.path().join("a.png"));
+        1.0 - picture.pixels().map(|p| f64::from(p.0[0]) / 255.0).sum::<f64>() / (64.0 * 64.0)
+    };
+    let share = 0.04;
+    for extra in [&[][..], &["--samples", "8"], &["--shading", "flat"]] {
+        assert!((dark(extra) - share).abs() < 0.01, "{} of {share}", dark(extra));
+    }
+    assert!(dark(&["--sigma", "1e-5"]) > 2.0 * share);
+}
+
+/// Two faces in one place, back to back, are each seen from their side, also where they are cut into other triangles. Materials
+/// that are single-sided are seen from the front, unless both sides are asked for.
+#[test]
+fn each_side_shows_its_own_face() {
+    let folder = tempfile::tempdir().unwrap();
+    let at_center = |mesh: &str, extra: &[&str]| {
+        let view = ["--look-at", "0,0,0", "--unlit", "--size", "64"];
+        succeeds(folder.path(), &[&["render", mesh, "-o", "a.png"], &view[..], extra].concat());
+        picture(&folder.path().join("a.png")).get_pixel(28, 32).0
+    };
+    let obj = "mtllib a.mtl\nv -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nusemtl front\nf 1 2 3 4\nusemtl back\nf 4 3 2 1\n";
+    fs::write(folder.path().join("a.obj"), obj).unwrap();
+    fs::write(folder.path().join("a.mtl"), "newmtl front\nKd 1 0 0\nnewmtl back\nKd 0 0 1\n").unwrap();
+    for extra in [&[][..], &["--orthographic", "2"]] {
+        assert_eq!(at_center("a.obj", &[&["--eye", "0,1,5"], extra].concat()), [255, 0, 0, 255], "{extra:?}");
+        assert_eq!(at_center("a.obj", &[&["--eye", "0,1,-5"], extra].concat()), [0, 0, 255, 255], "{extra:?}");
+    }
+    // A red quad before a green one, by a node that mirrors it too.
+    let floats = |all: &[f32]| all.iter().flat_map(|x| x.to_le_bytes()).collect::<Vec<u8>>();
+    let mut bytes = floats(&[-1.0, -1.0, 0.0, 1.0, -1.0, 0.0, 1.0, 1.0, 0.0, -1.0, 1.0, 0.0]);
+    bytes.extend([0, 1, 2, 0, 2, 3]);
+    fs::write(folder.path().join("quad.bin"), bytes).unwrap();
+    let mesh = |material: u32| serde_json::json!({ "primitives": [{ "attributes": { "POSITION": 0 }, "indices": 1, "material": material }] });
+    let material = |color: [f32; 4], double: bool| serde_json::json!({ "pbrMetallicRoughness": { "baseColorFactor": color }, "doubleSided": double });
+    for (scale, double, [front, back]) in [
+        ([1, 1, 1], false, [[255, 0, 0, 255], [0; 4]]),
+        ([-1, 1, 1], false, [[255, 0, 0, 255], [0; 4]]),
+        ([1, 1, -1], false, [[0, 255, 0, 255], [255, 0, 0, 255]]),
+        ([1, 1, -1], true, [[255, 0, 0, 255]; 2]),
+    ] {
+        let root = serde_json::json!({
+            "asset": { "version": "2.0" },
+            "nodes": [{ "mesh": 0, "scale": scale }, { "mesh": 1, "translation": [0, 0, -0.5] }],
+            "meshes": [mesh(0), mesh(1)],
+            "materials": [material([1.0, 0.0, 0.0, 1.0], double), material([0.0, 1.0, 0.0, 1.0], true)],
+            "accessors": [
+                { "bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3" },
+                { "bufferView": 1, "componentType": 5121, "count": 6, "type": "SCALAR" },
+            ],
+            "bufferViews": [{ "buffer": 0, "byteLength": 48 }, { "buffer": 0, "byteOffset": 48, "byteLength": 6 }],
+            "buffers": [{ "uri": "quad.bin", "byteLength": 54 }],
+        });
+        fs::write(folder.path().join("a.gltf"), root.to_string()).unwrap();
+        assert_eq!(at_center("a.gltf", &["--eye", "0,0,5"]), front, "{scale:?}");
+        assert_eq!(at_center("a.gltf", &["--eye", "0,0,-0.4"]), back, "{scale:?}");
+        assert_eq!(at_center("a.gltf", &["--eye", "0,0,5", "--faces", "both"]), [255, 0, 0, 255]);
+    }
+    // What draws the mesh alone says so.
+    let strict = ["grad", "a.gltf", "--target", "a.png", "-o", "b.png", "--strict"];
+    fs::write(
+        folder.path().join("a.gltf"),
+        fs::read_to_string(folder.path().join("a.gltf")).unwrap().replace("true", "false"),
+    )
+    .unwrap();
+    fails(folder.path(), &strict, 1, &["single-sided", "doubleSided"]);
+}
+
+/// What is seen from behind is lit from the side that is seen; a wall of mixed winding has one grey.
+#[test]
+fn light_falls_on_the_side_that_is_seen() {
+    let folder = tempfile::tempdir().unwrap();
+    let leaf = "v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\n";
+    let (plain, given) = ("f 1 2 3\nf 1 4 3\n", "vn 0 0 1\nf 1//1 2//1 3//1\nf 1//1 4//1 3//1\n");
+    for (faces, shading) in [(plain, "smooth"), (plain, "flat"), (given, "smooth"), (given, "flat")] {
+        fs::write(folder.path().join("a.obj"), leaf.to_owned() + faces).unwrap();
+        for (eye, light, grey) in
+            [("0,0,5", "0,0,1", 255), ("0,0,5", "0,0,-1", 97), ("0,0,-5", "0,0,-1", 255), ("0,0,-5", "0,0,1", 97)]
+        {
+            let view = ["--eye", eye, "--look-at", "0,0,0", "--light", light, "--shading", shading, "--size", "32"];
+            succeeds(folder.path(), &[&["render", "a.obj", "-o", "a.png"], &view[..]].concat());
+            let picture = picture(&folder.path().join("a.png"));
+            let greys: Vec<u8> = picture.pixels().filter(|p| p.0[3] == 255).map(|p| p.0[0]).collect();
+            assert!(
+                greys.len() > 100 && greys.iter().all(|g| g.abs_diff(grey) <= 1),
+                "{eye} {light} {shading} {greys:?}"
+            );
+        }
+    }
+}
+
 /// Whether a pixel and all others within three pixels of it are covered.
 fn is_inside(covered: &RgbaImage, column: u32, row: u32) -> bool {
     let around = |at: u32, end: u32| at.saturating_sub(3)..(at + 4).min(end);
@@ -111,19 +217,20 @@ fn closed_meshes_are_opaque_inside_unless_the_models_values_are_asked_for() {
     for (name, size, least) in meshes.into_iter().step_by(tier(3, 1)) {
         let extra = ["--size", size, "--samples", "1", "--output", "silhouette", "--silhouette-mode", "hard"];
         let covered = drawn(name, &extra);
-        let solid = drawn(name, &["--size", size]);
+        // A setting of the model asks for it.
+        let solid = drawn(name, &["--size", size, "--gamma", "4e-6"]);
         let inside: Vec<(u32, u32)> =
             covered.enumerate_pixels().map(|(c, r, _)| (c, r)).filter(|(c, r)| is_inside(&covered, *c, *r)).collect();
         assert!(inside.len() > 3000, "{name}: {}", inside.len());
         let below = |picture: &RgbaImage| inside.iter().filter(|(c, r)| picture.get_pixel(*c, *r).0[3] < 255).count();
-        assert_eq!(below(&solid), 0, "{name}");
+        assert_eq!([below(&solid), below(&drawn(name, &["--size", size]))], [0; 2], "{name}");
         // The outline stays soft, and colours are those of the model.
         assert!(solid.pixels().filter(|p| (1..255).contains(&p.0[3])).count() > 200, "{name}");
-        for option in [&["--alpha", "model"][..], &["--raw"]] {
+        for option in [&["--alpha", "model"][..], &["--gamma", "4e-6", "--raw"]] {
             assert!(below(&drawn(name, &[&["--size", size], option].concat())) >= least, "{name} {option:?}");
         }
         let model = drawn(name, &["--size", size, "--alpha", "model"]);
-        let grounded = drawn(name, &["--size", size, "--background", "#000080"]);
+        let grounded = drawn(name, &["--size", size, "--gamma", "4e-6", "--background", "#000080"]);
         for (c, r) in inside {
             let [a, b, d] = [&solid, &model, &grounded].map(|picture| picture.get_pixel(c, r).0);
             // Samples of the model count by their alpha.
@@ -205,7 +312,7 @@ fn turntables_and_sweeps() {
     let sweep = ["--sweep", "sigma=1e-5..1e-2:4", "--size", "40x30"];
     let json: serde_json::Value =
         serde_json::from_str(&render(folder.path(), "s.png", &[&sweep[..], &["--json"]].concat())).unwrap();
-    assert_eq!(json["samples"], 3);
+    assert_eq!(json["samples"], 4);
     let said = render(folder.path(), "sweep.gif", &[&sweep[..], &["-o", "s.png"]].concat());
     assert!(said.contains("1e-5, 1e-4, 1e-3, 1e-2"), "{said}");
     assert_eq!(frames("sweep.gif").len(), 6, "there and back");

@@ -79,6 +79,45 @@ fn transparent_materials_are_blended_by_depth() {
     fails(folder.path(), &["iou", "a.obj", "a.obj", "--strict"], 1, &["drawn opaque"]);
 }
 
+/// Panes behind one another, before and behind a wall, and through one another; some of them with textures.
+#[test]
+fn panes_are_blended_with_all_that_lies_behind_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let glass = "newmtl red\nKd 1 0 0\nd 0.5\nnewmtl green\nKd 0 1 0\nd 0.5\nnewmtl blue\nKd 0 0 1\nd 0.5\nnewmtl wall\nKd 0 0 0\n";
+    let picture = glass.to_owned() + "newmtl film\nmap_Kd film.png\n";
+    RgbaImage::from_pixel(4, 4, Rgba([0, 0, 255, 102])).save(folder.path().join("film.png")).unwrap();
+    let (all, white) = ([-2.0, 2.0], ["--background", "1,1,1"]);
+    let drawn = |scene: &[(&str, [f32; 2], f32)], extra: &[&str]| {
+        fs::write(folder.path().join("a.obj"), rectangles(scene)).unwrap();
+        render(folder.path(), &[&white, extra].concat())
+    };
+    fs::write(folder.path().join("a.mtl"), glass).unwrap();
+    let panes = [("red", all, 0.2), ("blue", [-2.0, 0.0], 0.0), ("green", all, 0.1), ("wall", [1.0, 2.0], 0.15)];
+    for extra in [&[][..], &["--sigma", "1e-6"], &["--orthographic", "fit"]] {
+        let picture = drawn(&panes, extra);
+        assert_near(at(&picture, -1.0), [160, 96, 64, 255]);
+        assert_near(at(&picture, 0.5), [191, 128, 64, 255]);
+        assert_near(at(&picture, 1.5), [128, 0, 0, 255]);
+    }
+    // Where a texture has the opacity.
+    fs::write(folder.path().join("a.mtl"), picture).unwrap();
+    let film = drawn(&[("red", all, 0.1), ("film", all, 0.2), ("film", [-2.0, 0.0], 0.3)], &[]);
+    assert_near(at(&film, -1.0), [92, 46, 209, 255]);
+    assert_near(at(&film, 1.0), [153, 76, 178, 255]);
+    // Two panes that cross: each is the front on one side.
+    let crossing = "mtllib a.mtl\nv -2 -1 -1\nv 2 -1 1\nv 2 1 1\nv -2 1 -1\nv -2 -1 1\nv 2 -1 -1\nv 2 1 -1\nv -2 1 1\n\
+                    usemtl red\nf 1 2 3 4\nusemtl blue\nf 5 6 7 8\n";
+    fs::write(folder.path().join("a.obj"), crossing).unwrap();
+    let crossing = render(folder.path(), &white);
+    assert_near(at(&crossing, -1.0), [128, 64, 191, 255]);
+    assert_near(at(&crossing, 1.0), [191, 64, 128, 255]);
+    // What has no layer of its own is noted.
+    let many: Vec<_> = (0..18).map(|i| ("red", all, 0.1 * i as f32)).collect();
+    fs::write(folder.path().join("a.obj"), rectangles(&many)).unwrap();
+    let said = super::softras(folder.path(), &["render", "a.obj", "-o", "a.png", "--azimuth", "180"]);
+    assert!(String::from_utf8_lossy(&said.stderr).contains("4 transparent triangles lie behind 16 others"));
+}
+
 /// A leaf before a wall: the wall shows where the leaf's texture is cut out, in every image.
 #[test]
 fn leaves_are_cut_out_by_their_textures() {

@@ -46,6 +46,22 @@ fn ious_are_those_of_geometry() {
     assert_eq!(voxel_iou(&cube, &moved(&cube, 1.0, [9.0, 0.0, 0.0]), 32).unwrap(), 0.0);
 }
 
+/// A part that is inside out cancels another one where both overlap, and a hollow is no such part.
+#[test]
+fn parts_that_are_inside_out_are_told() {
+    let (cube, large) = (shapes::cube().unwrap(), moved(&shapes::icosphere(3).unwrap(), 2.0, [0.0; 3]));
+    let turned = cube.triangles().iter().map(|&[a, b, c]| [a, c, b]).collect();
+    let turned = Mesh::new(cube.positions().to_vec(), turned).unwrap();
+    let is_mixed = |a: &Mesh, b: &Mesh| {
+        let mesh = both(a, b);
+        let (low, side) = cube_around(&[&mesh]);
+        Voxels::new(&mesh, low, side, 32).unwrap().is_mixed()
+    };
+    let aside = |mesh: &Mesh| moved(mesh, 1.0, [0.6, 0.1, 0.0]);
+    assert!(is_mixed(&cube, &aside(&turned)) && !is_mixed(&cube, &aside(&cube)) && !is_mixed(&turned, &aside(&turned)));
+    assert!(!is_mixed(&large, &turned));
+}
+
 #[test]
 fn axes_are_not_confused() {
     let cube = moved(&shapes::cube().unwrap(), 0.5, [0.0; 3]);

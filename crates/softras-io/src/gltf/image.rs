@@ -33,6 +33,7 @@ pub(super) struct Look {
     pub alpha: f32,
     pub cut: Cut,
     pub is_unlit: bool,
+    pub is_double_sided: bool,
     /// Its texture: that of the base colour, or else that of emitted light.
     pub map: Option<Map>,
 }
@@ -156,7 +157,8 @@ pub(super) fn look(source: &mut Source, root: &json::Root, index: Option<usize>)
             }
         }
     }
-    Ok(Look { color: base, glow, alpha, cut: Cut::of(material), is_unlit, map })
+    let is_double_sided = material.double_sided;
+    Ok(Look { color: base, glow, alpha, cut: Cut::of(material), is_unlit, is_double_sided, map })
 }
 
 /// A piece's texture, by its number, and the place of its UVs there.

@@ -101,6 +101,7 @@ pub struct Material {
     pub emissive_texture: Option<TextureInfo>,
     pub alpha_mode: String,
     pub alpha_cutoff: Option<f64>,
+    pub double_sided: bool,
     pub extensions: Extensions,
 }
 

@@ -116,7 +116,7 @@ pub(super) fn read(source: &mut Source, bytes: &[u8]) -> Result<Mesh> {
     scene::add_scene(&mut soup, source, &mut document).map_err(wrong)?;
     let (textures, of_piece) = image::textures(source, &mut document, &soup.pieces).map_err(wrong)?;
     soup.note_looks(source, &root);
-    (source.opacity, source.y_is_up) = (soup.opacity(), true);
+    (source.opacity, source.single_sided, source.y_is_up) = (soup.opacity(), soup.single_sided(), true);
     soup.mesh(source, textures, &of_piece)
 }
 
@@ -294,6 +294,13 @@ impl Soup {
         };
         let opacity: Vec<f32> = self.piece_of_triangle().enumerate().map(of).collect();
         if opacity.iter().all(|opacity| *opacity == 1.0) { Vec::new() } else { opacity }
+    }
+
+    /// Whether each triangle is drawn from its front alone; empty where none is.
+    fn single_sided(&self) -> Vec<bool> {
+        let is_single: Vec<bool> =
+            self.piece_of_triangle().map(|piece| !self.pieces[piece].look.is_double_sided).collect();
+        if is_single.contains(&true) { is_single } else { Vec::new() }
     }
 
     /// Lists the names of the materials, and notes what can be known only when all pieces have been read.

@@ -17,8 +17,7 @@ pub const PROPERTIES: &Fates = &[
         "asset cameras animations extensionsUsed bufferViews.target accessors.min accessors.max nodes.camera \
          skins.skeleton meshes.primitives.attributes.TANGENT meshes.primitives.attributes._NAME \
          materials.pbrMetallicRoughness.metallicFactor materials.pbrMetallicRoughness.roughnessFactor \
-         materials.pbrMetallicRoughness.metallicRoughnessTexture materials.occlusionTexture materials.doubleSided \
-         images.mimeType samplers.minFilter extensions.KHR_mesh_quantization extensions.CESIUM_RTC \
+         materials.pbrMetallicRoughness.metallicRoughnessTexture materials.occlusionTexture images.mimeType samplers.minFilter extensions.KHR_mesh_quantization extensions.CESIUM_RTC \
          extensions.KHR_materials_ior extensions.KHR_materials_dispersion extensions.KHR_animation_pointer \
          extensions.KHR_xmp_json_ld extensions.KHR_xmp extensions.EXT_mesh_features \
          extensions.EXT_structural_metadata extensions.EXT_instance_features extensions.MSFT_lod \
@@ -39,7 +38,7 @@ pub const PROPERTIES: &Fates = &[
          meshes.primitives.attributes.POSITION meshes.primitives.attributes.NORMAL \
          meshes.primitives.attributes.TEXCOORD_n meshes.primitives.attributes.JOINTS_n \
          meshes.primitives.attributes.WEIGHTS_n materials.pbrMetallicRoughness.baseColorFactor \
-         materials.pbrMetallicRoughness.baseColorTexture materials.alphaMode materials.alphaCutoff \
+         materials.pbrMetallicRoughness.baseColorTexture materials.alphaMode materials.alphaCutoff materials.doubleSided \
          textures.source textures.sampler images.uri images.bufferView samplers.wrapS samplers.wrapT \
          extensions.KHR_texture_transform extensions.KHR_materials_unlit \
          extensions.KHR_materials_emissive_strength extensions.KHR_materials_pbrSpecularGlossiness \

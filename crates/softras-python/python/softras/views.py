@@ -61,13 +61,16 @@ def view(
     shading: str = "smooth",
     crease: Optional[float] = None,
     unlit: bool = False,
+    faces: Optional[str] = None,
     turntable: Optional[int] = None,
     renderer: Optional[Renderer] = None,
 ) -> Picture:
     """A picture of a mesh, or of a mesh file, as `softras render` makes it: framed, lit, with sharp creases.
 
     `size` is a side or (width, height) in pixels; angles are in degrees; `background` is linear light from 0 to 1, and
-    transparent without. `turntable` makes so many frames of one turn. Raises what `load` and `Renderer.render` raise.
+    transparent without. Edges are sharp unless `sigma` or `gamma` asks for the soft model. Surfaces are lit on the side that is seen.
+    `faces` is "both" or "front"; without it a glTF material that is not doubleSided is seen from its front alone, and everything else from
+    both sides. `turntable` makes so many frames of one turn. Raises what `load` and `Renderer.render` raise.
     """
     # The arguments by name.
     plan = dict(locals())

@@ -161,10 +161,10 @@ pub struct LookArgs {
     /// #rrggbb, a CSS name, or linear r,g,b [default: transparent]
     #[arg(long, value_name = "COLOUR", value_parser = parse::rgb, help_heading = Resettable::Reset)]
     pub background: Option<parse::Rgb>,
-    /// N×N samples a pixel [default: 3; 1 with --sigma or --blur]
+    /// N×N samples a pixel [default: 4; 1 with --sigma or --blur]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=8))]
     pub samples: Option<u32>,
-    /// Softness of edges, (half heights)² [default: 1.23 pixels of blur]
+    /// Softness of edges, (half heights)² [default: sharp]
     #[arg(long, value_parser = parse::positive)]
     pub sigma: Option<f64>,
     /// Softness of edges: pixels that a triangle reaches beyond its edges
@@ -260,9 +260,9 @@ fn ambient(text: &str) -> Result<[f64; 3], String> {
 #[derive(Args, Debug)]
 #[command(next_help_heading = "Model")]
 pub struct ModeArgs {
-    /// Triangles to draw: both sides or front
-    #[arg(long, value_enum, value_name = "FACES", default_value = "both", hide_possible_values = true)]
-    pub faces: Faces,
+    /// Triangles to draw: both sides or front [default: by material]
+    #[arg(long, value_enum, value_name = "FACES", hide_possible_values = true)]
+    pub faces: Option<Faces>,
     /// Colour of a pixel: softmax or hard
     #[arg(long, value_enum, value_name = "MODE", default_value = "softmax", hide_possible_values = true)]
     pub color_mode: ColorMode,
@@ -284,7 +284,7 @@ impl ModeArgs {
     /// The same as settings.
     pub fn settings(&self) -> Settings {
         Settings {
-            faces: self.faces.into(),
+            faces: self.faces.map_or(Settings::default().faces, Into::into),
             color: self.color_mode.into(),
             silhouette: self.silhouette_mode.into(),
             distance: self.distance_mode.into(),
@@ -308,6 +308,7 @@ impl RenderArgs {
             fill: self.frame.into(),
             look: self.look.look(&self.modes),
             samples: self.look.samples,
+            both_sides: self.modes.faces == Some(Faces::Both),
             alpha: self.alpha.map(Into::into),
             light: self.light.options(self.look.curve()),
             crease: self.crease,

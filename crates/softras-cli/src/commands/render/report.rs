@@ -65,7 +65,7 @@ impl Report {
         self.bands += 1;
         self.samples = shot.samples;
         self.is_seen |= shot.is_seen();
-        let layers = shot.layer.iter().flat_map(|layer| layer.frames());
+        let layers = shot.layers.iter().flat_map(|layer| layer.frames());
         for time in std::iter::once(&shot.frame).chain(layers).flat_map(|frame| frame.timings()) {
             match self.timings.iter_mut().find(|(stage, _)| *stage == time.stage) {
                 Some((_, sum)) => *sum += time.milliseconds,

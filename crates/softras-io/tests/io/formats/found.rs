@@ -266,6 +266,11 @@ fn materials_of_gltf_are_drawn_or_noted() {
     assert_eq!(colors(&lamp), [RGB[0]]);
     let unlit = with(json!({ "extensions": { "KHR_materials_unlit": {} } }));
     assert!(unlit.unlit && unlit.notes.is_empty());
+    let double = |value: Value| with(json!({ "doubleSided": value })).single_sided;
+    assert_eq!(
+        [unlit.single_sided.clone(), double(json!(false)), double(json!(true))],
+        [vec![true], vec![true], vec![]]
+    );
     let glossy = json!({ "extensions": { "KHR_materials_pbrSpecularGlossiness": { "diffuseTexture": map } } });
     assert_eq!(colors(&with(glossy)), [RGB[0]]);
     let masked = json!({ "alphaMode": "MASK", "pbrMetallicRoughness": { "baseColorFactor": [1, 0, 0, 0.2] } });
