@@ -27,9 +27,29 @@ PAIR, PIXELS = "glsl/common/pair_gradient.glsl", "glsl/common/pair.glsl"
 ROWS = "glsl/common/item_pixels.glsl"
 
 # Each fault: what is broken, the file, the text, its replacement, and the tests that should see it. These are a module of
-# `cargo test --test quick`. With `unit ` before it, it is one of the library's unit tests, with `fit `, `io ` or `check ` one of
-# that package's tests. With `full ` it needs the full tier's sizes to see the fault, with `layers ` the validation layers.
+# `cargo test --test quick`. With `unit ` before it, it is one of the library's unit tests, with `fit `, `io `, `check `, `cli `
+# or `view ` one of that package's tests. With `full ` it needs the full tier's sizes to see the fault, with `layers ` the validation layers.
 FAULTS = [
+    ("fronts that are hidden", "crates/softras-view/src/facing.rs", "*single && !fronts[*t]", "*single && fronts[*t]",
+     ["view facing::tests::single"]),
+    ("normals away from the viewer", "crates/softras-view/src/facing.rs", "lean(front, triangle) < -LEAN", "lean(front, triangle) < -9.0",
+     ["view facing::tests::normals"]),
+    ("backs before fronts", "crates/softras-view/src/facing.rs", "(p + BEHIND * sight)", "(p - BEHIND * sight)",
+     ["cli render::each_side"]),
+    ("a surface that its winding breaks", "crates/softras-view/src/crease.rs", "(a ^ b ^ u32::from(is_turned)) & 1", "(a ^ b) & 1",
+     ["view crease::tests::winding"]),
+    ("panes of one layer that overlap", "crates/softras-view/src/panes.rs", "(q - p).perp_dot(*r - p) <= most", "(q - p).perp_dot(*r - p) <= 1e9",
+     ["view panes::tests"]),
+    ("glass blended from the farthest", "crates/softras-view/src/layers.rs", "a.0.total_cmp(&b.0)", "b.0.total_cmp(&a.0)",
+     ["cli transparency::panes"]),
+    ("glass that cuts out", "crates/softras-view/src/layers.rs", "(seen - opaque) as f32 > GLASS", "(opaque - opaque) as f32 > GLASS",
+     ["cli transparency::panes"]),
+    ("pictures of the soft model", "crates/softras-view/src/options.rs", "!floats && !asked_soft", "false && !asked_soft",
+     ["cli render::specks"]),
+    ("glTF: sides the other way round", "crates/softras-io/src/gltf/mod.rs", "!self.pieces[piece].look.is_double_sided", "self.pieces[piece].look.is_double_sided",
+     ["io found::materials_of_gltf"]),
+    ("parts inside out that are not told", "crates/softras-fit/src/voxel.rs", "least < 0 && most > 0", "least < 0 && most > 9",
+     ["fit voxels::parts_that"]),
     ("remeshing that leaves the surface", "crates/softras-fit/src/remesh/surface.rs", "(self.positions[v], self.sizes[v]) = (point, size);",
      "(self.positions[v], self.sizes[v]) = (0.5 * (self.positions[v] + point), size);", ["fit remesh::no_detail"]),
     ("a view matrix of rank 2", "src/scene/camera.rs", "if x.cross(y).dot(z).abs() < 1e-9 {", "if x == DVec3::ZERO {", ["unit a_view_matrix"]),
@@ -366,8 +386,8 @@ def cargo(test, arguments):
     """The command for a test by its name in the list, with the words before it that the list explains."""
     words = test.split()
     tier = {"full": {"SOFTRAS_TIER": "full"}, "layers": {"SOFTRAS_VALIDATION": "1"}}.get(words[0], {})
-    programs = {name: ["-p", f"softras-{name}", "--test", name] for name in ("fit", "io", "check")}
-    programs["unit"] = ["-p", "softras", "--lib"]
+    programs = {name: ["-p", f"softras-{name}", "--test", name] for name in ("fit", "io", "check", "cli")}
+    programs |= {"unit": ["-p", "softras", "--lib"], "view": ["-p", "softras-view", "--lib"]}
     program = programs.get(words[-2] if words[1:] else "", ["-p", "softras", "--test", "quick"])
     return ["cargo", "test", "-q", *program, *arguments], words[-1], tier
 
