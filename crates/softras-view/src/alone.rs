@@ -22,7 +22,8 @@ pub fn alone(mut loaded: Loaded, strict: bool) -> Result<Loaded> {
     let lost = [(OPAQUE, !loaded.opacity.is_empty()), (BOTH_SIDES, shows_backs(&loaded.mesh, &loaded.single_sided))];
     for ((what, fix), _) in lost.into_iter().filter(|(_, is_lost)| *is_lost) {
         if strict {
-            let (path, fix) = (loaded.files.first().cloned().unwrap_or_default(), format!("{fix}, or leave strict (--strict) out"));
+            let (path, fix) =
+                (loaded.files.first().cloned().unwrap_or_default(), format!("{fix}, or leave strict (--strict) out"));
             return Err(Error::File { path, line: None, what: what.into(), fix });
         }
         loaded.notes.push(what.into());
