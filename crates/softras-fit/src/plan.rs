@@ -9,7 +9,7 @@ use crate::{
     subject::Subject,
     work::Work,
 };
-use softras::{Mesh, Renderer, Result, scene::Appearance, shapes};
+use softras::{Error, Mesh, Renderer, Result, scene::Appearance, shapes};
 use std::time::Instant;
 
 /// Views of the steps that are timed, at most.
@@ -33,11 +33,17 @@ pub fn tell(options: &FitOptions, subject: &Subject, work: &mut Work) -> Result<
         _ => "a sphere",
     };
     let texture = if options.texture.is_some() && !options.keeps_shape() { ", then a texture" } else { "" };
-    let seconds = WHOLE * seconds(options, subject, &fitted, work.renderer)? * (fitted.len() * steps) as f64;
-    let about = if seconds < 90.0 { format!("{seconds:.0} s") } else { format!("{:.0} min", seconds / 60.0) };
+    let about = match seconds(options, subject, &fitted, work.renderer) {
+        // The sphere that is timed may need more than the fit does.
+        Err(Error::OutOfMemory { .. } | Error::Limit { .. }) => String::new(),
+        each => match WHOLE * each? * (fitted.len() * steps) as f64 {
+            seconds if seconds < 90.0 => format!("; about {seconds:.0} s"),
+            seconds => format!("; about {:.0} min", seconds / 60.0),
+        },
+    };
     let count = fitted.len();
     work.plan(&format!(
-        "{count} views of {width}×{height} pixels are fitted{judges}: {steps} steps from {start}{texture}; about {about}"
+        "{count} views of {width}×{height} pixels are fitted{judges}: {steps} steps from {start}{texture}{about}"
     ))
 }
 

@@ -126,7 +126,9 @@ pub(super) fn system_entry() -> Result<ash::Entry> {
 /// Why this machine cannot open a file, by its first bytes: the C library only says that it does not exist.
 fn foreign(path: &Path) -> Result<Option<String>> {
     let file = header(path).map_err(|source| Error::Io { path: path.to_owned(), source })?;
-    let Some(own) = std::env::current_exe().and_then(|own| header(&own)).ok().filter(is_elf) else { return Ok(None) };
+    let Some(own) = std::env::current_exe().and_then(|own| header(&own)).ok().filter(|header| is_elf(header)) else {
+        return Ok(None);
+    };
     if !is_elf(&file) {
         return Ok(Some("it is no shared library".to_string()));
     }
@@ -161,7 +163,7 @@ fn header(path: &Path) -> std::io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
-fn is_elf(header: &Vec<u8>) -> bool {
+fn is_elf(header: &[u8]) -> bool {
     header.len() == HEADER && header.starts_with(b"\x7fELF")
 }
 

@@ -39,7 +39,7 @@ fn octahedra(folder: &Path) {
     std::fs::write(folder.join("mesh.obj"), octahedron(0.0)).unwrap();
     std::fs::write(folder.join("moved.obj"), octahedron(0.3)).unwrap();
     let arguments = ["render", "moved.obj", "-o", "target.png", "--size", "72x48", "--unlit", "--frame", "sphere"];
-    succeeds(folder, &[&arguments[..], &CAMERA].concat());
+    succeeds(folder, &[&arguments[..], &["--blur", "1.5"], &CAMERA].concat());
 }
 
 /// From +z, so that +x is on the right.

@@ -14,7 +14,7 @@ fn a_pose_is_found_from_a_picture() {
     // Seen from where the fit looked from, the posed cube is the target again.
     let look = "grad posed.obj --target target.png -o grad.png --json --blur 2 --gamma 0.01 --unlit";
     let near: Value = serde_json::from_str(&succeeds(folder.path(), &words(look))).unwrap();
-    let far = look.replace("posed", "cube");
+    let far = look.replace("posed.obj", "cube");
     let far: Value = serde_json::from_str(&succeeds(folder.path(), &words(&far))).unwrap();
     let [near, far] = [near, far].map(|report| report["loss"].as_f64().unwrap());
     assert!(near < 0.3 * far, "{near} against {far} unposed");
