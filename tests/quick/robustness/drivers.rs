@@ -25,12 +25,12 @@ fn a_drivers_file_renders_the_bits_that_the_loader_does() {
     assert_eq!(device.file, None);
     // The machine may have several drivers; that of the usual device has its name in its list.
     let drivers = mapped().into_iter().filter_map(|file| Some((Loader::driver(&file).ok()?, file)));
-    let of_device = drivers.filter_map(|(loader, file)| {
+    let mut of_device = drivers.filter_map(|(loader, file)| {
         let found = loader.devices().ok()?.into_iter().find(|one| one.name == device.name)?;
         assert_eq!(found.file.as_ref(), Some(&file));
         Some(loader)
     });
-    let loader = of_device.last().expect("the device's driver");
+    let loader = of_device.next_back().expect("the device's driver");
     let options = RendererOptions { loader: Some(loader), device: Some(device.name.clone()), ..Default::default() };
     let mut alone = Renderer::with_options(&options).unwrap();
     assert_eq!(draw(&mut alone), draw(&mut usual));
