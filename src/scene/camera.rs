@@ -139,7 +139,8 @@ impl Camera {
     /// # Errors
     /// [`Error::Camera`] when a value is not finite, the last row is not (0, 0, 0, 1), or the rest has no inverse.
     pub fn from_affine(view: DMat4, projection: Projection) -> Result<Self> {
-        if view.row(3) != DVec4::W {
+        // Matrices that were inverted in 32 bits are off by a rounding.
+        if !(view.row(3) - DVec4::W).abs().cmple(DVec4::splat(1e-5)).all() {
             return bad("view", view.row(3), "the last row must be (0, 0, 0, 1); give the projection apart");
         }
         Self::from_rows([0, 1, 2].map(|i| view.row(i).to_array()), projection)

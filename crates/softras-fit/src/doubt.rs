@@ -4,9 +4,10 @@
 //! mask carves away what the others show, and leaving it out is what makes the others agree.
 
 use crate::{
+    bad,
     cameras::{self, Sphere},
     hull::{View, views as pictures},
-    regions::{holes, of_pixels, pixels_around},
+    regions::{holes, is_border, of_pixels, pixels_around},
     subject::Subject,
 };
 use glam::DVec3;
@@ -28,6 +29,10 @@ const TIMES_THE_MEDIAN: f64 = 4.0;
 const MOST_LEFT: f64 = 0.7;
 /// A mask with a larger share of its picture shows nothing but the object.
 const FULL: f64 = 0.995;
+/// So does one that has a larger share of its picture's border, as where inside and outside are exchanged.
+const FULL_BORDER: f64 = 0.9;
+/// Masks of which their hull leaves a larger share uncovered, in the mean, are not those of one solid.
+const MOST_OPEN: f64 = 0.75;
 /// A larger hole, as a share of its mask, is always taken for one.
 const LARGEST_HOLE: f64 = 0.1;
 /// Pixels of a small hole and of a speck, at most.
@@ -38,34 +43,55 @@ const PLACES: f64 = 12.0;
 const BY_CHANCE: f64 = 0.5;
 
 /// Leaves out the views that are empty, full, or do not agree with the others, at most a quarter of them, and fills small holes that
-/// one mask alone has. Each is noted. Fewer than six views stay as they are.
+/// one mask alone has. Each is noted. Of fewer than six views none is told from the others.
+///
+/// # Errors
+/// [`softras::Error::Fit`] where more views are empty or full, and where the masks have no solid in common.
 pub fn settle(subject: &mut Subject, notes: &mut Vec<String>) -> Result<()> {
     let (views, bounds) = (&subject.views, subject.bounds);
     let count = views.cameras.len();
     let Some(silhouettes) = &views.silhouette else { return Ok(()) };
-    if !(FEWEST..=MOST).contains(&count) {
-        return Ok(());
-    }
+    let share = |pixels: &mut dyn Iterator<Item = f32>| {
+        let (inside, all) = pixels.fold((0.0, 0.0), |(inside, all), x| (inside + f64::from(x > 0.5), all + 1.0));
+        inside / all
+    };
+    let size = (silhouettes.height, silhouettes.width);
     let plain = |view: usize| {
         let mask = silhouettes.view(view);
-        let share = mask.iter().filter(|x| **x > 0.5).count() as f64 / mask.len() as f64;
-        let is_empty = share == 0.0;
-        let why = if is_empty { "shows nothing of the object" } else { "is all object" };
-        (is_empty || share > FULL).then_some((view, why))
+        let whole = share(&mut mask.iter().copied());
+        let border = share(&mut mask.iter().enumerate().filter(|(i, _)| is_border(*i, size)).map(|(_, x)| *x));
+        let is_full = whole > FULL || border > FULL_BORDER;
+        let why = if is_full { "is all object" } else { "shows nothing of the object" };
+        (whole == 0.0 || is_full).then_some((view, why))
     };
     let mut out: Vec<(usize, &str)> = (0..count).filter_map(plain).collect();
     let most = count / 4;
+    if out.len() > most && (count >= FEWEST || out.len() == count) {
+        let full = out.iter().filter(|(_, why)| *why == "is all object").count();
+        let empty = out.len() - full;
+        return bad(
+            format!("of {count} views {full} are all object up to the border, and {empty} show nothing of it"),
+            "give masks that are 1 (white) inside of the object alone: as alpha, or as masks beside the pictures",
+        );
+    }
+    if !(FEWEST..=MOST).contains(&count) {
+        return Ok(());
+    }
     let mut left: Vec<usize> = (0..count).filter(|view| out.iter().all(|(other, _)| other != view)).collect();
     let seen = views.some(&left);
     let Ok(all) = pictures(&seen, 1) else { return Ok(()) };
     let mut using: Vec<usize> = (0..left.len()).collect();
-    while out.len() < most
-        && let Some(worst) = worst(&seen, &all, &using, bounds)
-    {
+    let mut open = 0.0;
+    while let Some((whole, worst)) = worst(&seen, &all, &using, bounds) {
+        open = whole;
+        let Some(worst) = worst.filter(|_| out.len() < most) else { break };
         out.push((left[using.remove(worst)], "does not agree with the others"));
     }
-    if out.len() > most {
-        return Ok(());
+    if open > MOST_OPEN {
+        return bad(
+            format!("the solid that all masks allow leaves {:.0} % of them uncovered", 100.0 * open),
+            "check that each camera belongs to its picture, that masks are white inside, and that axes are the format's",
+        );
     }
     left.retain(|view| out.iter().all(|(other, _)| other != view));
     out.sort_unstable();
@@ -76,8 +102,9 @@ pub fn settle(subject: &mut Subject, notes: &mut Vec<String>) -> Result<()> {
     fill(&mut subject.views, bounds, notes)
 }
 
-/// The place in `using` of the view without which the others agree much better.
-fn worst(views: &Views, all: &[View<'_>], using: &[usize], bounds: Sphere) -> Option<usize> {
+/// The mean share of the masks that their hull leaves uncovered, and the place in `using` of the view without which the others agree much
+/// better.
+fn worst(views: &Views, all: &[View<'_>], using: &[usize], bounds: Sphere) -> Option<(f64, Option<usize>)> {
     let uncovered = uncovered(views, all, using, bounds)?;
     let n = using.len();
     // The mean over all views, and over the others where one is left out.
@@ -89,7 +116,7 @@ fn worst(views: &Views, all: &[View<'_>], using: &[usize], bounds: Sphere) -> Op
     sorted.sort_by(f64::total_cmp);
     let (at, gain) = gains.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1))?;
     let is_worse = *gain > LEAST_GAIN && *gain > TIMES_THE_MEDIAN * sorted[n / 2] && whole - gain < MOST_LEFT * whole;
-    is_worse.then_some(at)
+    Some((whole, is_worse.then_some(at)))
 }
 
 /// The share of each view's mask that the hull leaves uncovered: a row a view, a column for the hull without each view, and at last

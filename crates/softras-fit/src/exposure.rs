@@ -55,8 +55,13 @@ pub fn leveled(subject: &mut Subject, mesh: &Mesh, settings: &Settings, work: &m
             }
         }
     };
-    let photographs = subject.photographs.as_mut().and_then(|views| views.color.as_mut());
-    subject.views.color.as_mut().into_iter().chain(photographs).for_each(level);
+    subject.views.color.iter_mut().for_each(level);
+    for (view, photograph) in subject.views.photographs.iter_mut().enumerate() {
+        photograph.level([0, 1, 2].map(|k| {
+            let gain = channels[k].0[view];
+            [gain.exp(), if gain < low + LEAST_GAIN { f64::INFINITY } else { BRIGHTEST }]
+        }));
+    }
     let [low, high] = [low, high].map(f64::exp);
     work.notes.push(format!("the pictures' exposures differ: colours are divided by gains of {low:.2} to {high:.2}"));
     work.goes_on()

@@ -1,7 +1,7 @@
 //! A fit from views to a mesh, as `softras fit` does it.
 
 use crate::{
-    ShapeFit, ShapeOptions, ShapeRun, StepLosses, bad, checkpoint, crop, doubt, exposure,
+    ShapeFit, ShapeOptions, ShapeRun, StepLosses, bad, checkpoint, doubt, exposure,
     options::{FitOptions, Preset, Template},
     paint::{self, Painted},
     plan, refine,
@@ -69,8 +69,9 @@ impl Fit {
         work.goes_on()?;
         // Views that were rendered agree.
         let are_photographs = subject.truth.is_none() && options.preset != Preset::Official;
-        if are_photographs {
-            crop::cropped(&mut subject, options.crop, work.notes)?;
+        if are_photographs && let Some((crops, note)) = subject.views.cropped(options.crop)? {
+            subject = Subject { held_out: subject.held_out, ..Subject::of(crops)? };
+            work.notes.push(note);
         }
         plan::tell(&options, &subject, &mut work)?;
         if are_photographs {
@@ -79,7 +80,6 @@ impl Fit {
             }
             if !options.keep_cameras && !options.keeps_shape() {
                 refine::refined(&mut subject, &mut work)?;
-                subject.move_photographs()?;
             }
             if !options.keep_views {
                 width::narrowed(&mut subject, &mut work)?;
@@ -197,9 +197,9 @@ impl Fitting {
         self.best().map_or(self.mesh(), |(best, _)| best).clone()
     }
 
-    /// The pictures as they were given, without those that were left out, with the cameras that were refined.
-    pub fn photographs(&self) -> &Views {
-        self.subject.photographs.as_ref().unwrap_or(&self.subject.views)
+    /// The views as they are compared: crops where pictures are larger, without those that were left out, with cameras refined.
+    pub fn views(&self) -> &Views {
+        &self.subject.views
     }
 
     /// The mesh of least loss; vertices that no fitted view sees have the colours of those beside them.

@@ -155,24 +155,23 @@ pub(super) fn depth_at(depths: &Image, view: usize, column: f64, row: f64, step:
 
 /// The value of a view's channel at a column and a row, where the centre of the first pixel is at (0.5, 0.5); that of its border beyond it.
 pub(super) fn sample(image: &Image, view: usize, channel: usize, column: f64, row: f64) -> f64 {
-    sample_of(image, view, channel, (column, row), |value| value)
+    between((image.width, image.height), (column, row), |row, column| {
+        f64::from(image.pixel(view, row, column)[channel])
+    })
 }
 
-/// [`sample`] of what a function makes of the pixels' values.
-pub(super) fn sample_of(
-    image: &Image,
-    view: usize,
-    channel: usize,
+/// Interpolates between the pixels of a picture, whose values are asked for by row and column, as [`sample`].
+pub(super) fn between(
+    (width, height): (usize, usize),
     (column, row): (f64, f64),
-    of: impl Fn(f64) -> f64,
+    at: impl Fn(usize, usize) -> f64,
 ) -> f64 {
-    let between = |x: f64, count: usize| {
+    let near = |x: f64, count: usize| {
         let x = (x - 0.5).clamp(0.0, (count - 1) as f64);
         (x as usize, (x as usize + 1).min(count - 1), x.fract())
     };
-    let (left, right, along) = between(column, image.width);
-    let (top, bottom, down) = between(row, image.height);
-    let at = |row: usize, column: usize| of(f64::from(image.pixel(view, row, column)[channel]));
+    let (left, right, along) = near(column, width);
+    let (top, bottom, down) = near(row, height);
     let mix = |row: usize| at(row, left) * (1.0 - along) + at(row, right) * along;
     mix(top) * (1.0 - down) + mix(bottom) * down
 }

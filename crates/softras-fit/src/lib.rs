@@ -41,7 +41,6 @@ mod cameras;
 mod carved;
 mod checkpoint;
 mod color;
-mod crop;
 mod dig;
 mod doubt;
 mod exposure;

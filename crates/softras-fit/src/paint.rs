@@ -4,7 +4,6 @@
 use crate::{
     Schedule,
     atlas::{atlas, between, corner_colors},
-    cameras,
     color::color_error,
     points,
     seen::{Seen, normals},
@@ -61,11 +60,11 @@ pub fn painted(
     let fitted = setup.given.fitted(subject);
     let by_vertices = color_error(mesh, &settings, subject, &fitted, work.renderer)?;
     let mut losses = Vec::new();
-    let (mesh, texel) = if let Some(photographs) = &subject.photographs {
+    let (mesh, texel) = if !subject.views.photographs.is_empty() {
         // Without steps, so that a break is seen in `Work` alone.
         let _ = work.begin(Stage::Texture, mesh.triangles().len().div_ceil(TOLD));
-        let seen = Seen::of(mesh, photographs, &settings, work.renderer)?;
-        let pixel = cameras::pixel(&photographs.cameras, subject.bounds.center, photographs.size()?);
+        let seen = Seen::of_photographs(mesh, &subject.views, &settings, work.renderer)?;
+        let pixel = seen.pixel(subject.bounds.center);
         let (mesh, texel) = photographed(mesh, TEXEL * pixel, most, &seen, &fitted, work)?;
         (mesh, texel / pixel)
     } else {

@@ -1,8 +1,8 @@
 //! What pictures show of a mesh's surface: the colours of its points, and how squarely each view sees them.
 
 use crate::{
-    Topology, doubles,
-    hull::{depth_at, sample, sample_of},
+    Topology, cameras, doubles,
+    hull::{between, depth_at, sample},
     points, singles, sized,
 };
 use glam::DVec3;
@@ -10,7 +10,7 @@ use softras::{
     Image, Mesh, Renderer, Result, Scene, Settings, parts,
     scene::{Appearance, Camera, Outputs},
 };
-use softras_io::Views;
+use softras_io::{Photograph, Views};
 
 /// The least cosine between a surface's normal and the direction to a camera that counts as seeing the surface.
 const LEAST_COSINE: f64 = 0.2;
@@ -20,68 +20,73 @@ const BEHIND: f64 = 2.0;
 const STEP: f64 = 8.0;
 /// The least silhouette value of a pixel that shows nothing but the object.
 const COVERED: f64 = 0.99;
+/// The most depths along a side of a photograph.
+const MOST_DEPTHS: u32 = 1024;
 /// Rounds in which colours spread to vertices that no view sees.
 const ROUNDS: usize = 200;
 
 /// Views, and the depths of a mesh in them.
-pub struct Seen<'a> {
+pub struct Seen<'a>(Vec<Sight<'a>>);
+
+/// A view.
+struct Sight<'a> {
     views: &'a Views,
-    eyes: Vec<DVec3>,
-    depths: Image,
+    view: usize,
+    /// The photograph that the view is a crop of, if colours are those of photographs.
+    photograph: Option<&'a Photograph>,
+    /// The camera of the picture that colours are taken from.
+    camera: Camera,
+    eye: DVec3,
     size: (u32, u32),
+    /// The depths of the mesh, and the picture's pixels along a side of one of them.
+    depths: Image,
+    step: f64,
 }
 
 impl<'a> Seen<'a> {
     /// What views show of a mesh.
     pub fn of(mesh: &Mesh, views: &'a Views, settings: &Settings, renderer: &mut Renderer) -> Result<Self> {
         let (height, width) = views.size()?;
-        let outputs = Outputs { depth: true, ..Outputs::NOTHING };
-        let settings = Settings { outputs, sigma: 1e-7, gamma: 1e-5, ..sized(settings, (height, width), 1) };
-        let scene = Scene::new(mesh.clone().with_appearance(Appearance::Uniform([1.0; 3]))?);
-        let mut depths = Image { batch: views.cameras.len(), height, width, channels: 1, data: Vec::new() };
-        parts::in_batches(renderer, &scene, &views.cameras, &settings, |_, frame| {
-            depths.data.extend_from_slice(&frame.depth()?.data);
+        let size = (width as u32, height as u32);
+        let sight = |(view, camera): (usize, &Camera)| Sight::new(views, view, None, *camera, size);
+        let mut sights: Vec<Sight<'_>> = views.cameras.iter().enumerate().map(sight).collect();
+        let (scene, settings) = depths_of(mesh, settings)?;
+        parts::in_batches(renderer, &scene, &views.cameras, &sized(&settings, (height, width), 1), |some, frame| {
+            let depths = frame.depth()?;
+            some.clone().zip(0..).for_each(|(view, at)| sights[view].depths = depths.views(at..at + 1));
             Ok(())
         })?;
-        let eyes = views.cameras.iter().map(|camera| camera.matrix().inverse().transform_point3(DVec3::ZERO)).collect();
-        Ok(Self { views, eyes, depths, size: (width as u32, height as u32) })
+        Ok(Self(sights))
+    }
+
+    /// What the photographs of views show of a mesh.
+    pub fn of_photographs(mesh: &Mesh, views: &'a Views, settings: &Settings, renderer: &mut Renderer) -> Result<Self> {
+        let (scene, settings) = depths_of(mesh, settings)?;
+        let sight = |(view, photograph): (usize, &'a Photograph)| {
+            let (camera, size) = (photograph.camera(&views.cameras[view])?, photograph.size());
+            let mut sight = Sight::new(views, view, Some(photograph), camera, size);
+            let step = size.0.max(size.1).div_ceil(MOST_DEPTHS).max(1);
+            let size = (size.1.div_ceil(step) as usize, size.0.div_ceil(step) as usize);
+            let coarse = cameras::scaled(&camera, [1.0 / f64::from(step); 2])?;
+            let frame = renderer.render(&scene, &[coarse], &sized(&settings, size, 1))?;
+            (sight.depths, sight.step) = (frame.depth()?.clone(), f64::from(step));
+            Ok(sight)
+        };
+        Ok(Self(views.photographs.iter().enumerate().map(sight).collect::<Result<_>>()?))
+    }
+
+    /// The median length of the pictures' pixels at a point.
+    pub fn pixel(&self, point: DVec3) -> f64 {
+        cameras::pixel(&self.0.iter().map(|sight| sight.camera).collect::<Vec<_>>(), point, (1, 1))
     }
 
     /// The colour that a view shows of a point, and the cosine between the normal there and the direction to the camera; `None` where
     /// it does not see the point, or shows of its colour only how bright it is at least.
     pub fn by(&self, view: usize, point: DVec3, normal: DVec3) -> Option<(DVec3, f64)> {
-        let (place, cosine) = self.place(view, point, normal)?;
-        let color = self.views.color.as_ref()?;
-        // A value below 0 is only a bound, and so is a mean with it.
-        let known = |value: f64| if value < 0.0 { f64::NAN } else { value };
-        let channel = |k: usize| sample_of(color, view, k, place, known);
-        let color = DVec3::new(channel(0), channel(1), channel(2));
+        let sight = &self.0[view];
+        let (place, cosine) = sight.place(point, normal)?;
+        let color = sight.color(place)?;
         color.is_finite().then_some((color, cosine))
-    }
-
-    /// The column and the row where a view sees a point, and the cosine; `None` where something is before it or the picture's border or
-    /// outline is near.
-    fn place(&self, view: usize, point: DVec3, normal: DVec3) -> Option<((f64, f64), f64)> {
-        let camera = &self.views.cameras[view];
-        let cosine = normal.dot((self.eyes[view] - point).normalize_or_zero());
-        if cosine < LEAST_COSINE {
-            return None;
-        }
-        let [column, row, depth] = camera.project(point, self.size)?;
-        let pixel = self.pixel(camera, point, depth);
-        let nearest = depth_at(&self.depths, view, column, row, STEP * pixel)?;
-        let masks = self.views.silhouette.as_ref();
-        let is_inside = masks.is_none_or(|masks| sample(masks, view, 0, column, row) >= COVERED);
-        (is_inside && depth - nearest <= BEHIND * pixel / cosine).then_some(((column, row), cosine))
-    }
-
-    /// The length of a pixel at a point.
-    fn pixel(&self, camera: &Camera, point: DVec3, depth: f64) -> f64 {
-        let right = camera.axes()[0].normalize_or_zero();
-        let step = 1e-3 * depth;
-        let column = |point: DVec3| camera.project(point, self.size).map(|place| place[0]);
-        let columns = column(point + step * right).zip(column(point)).map_or(0.0, |(a, b)| (a - b).abs());
-        if columns > 0.0 { step / columns } else { 0.0 }
     }
 
     /// Those of some views that see a point, the most squarely first.
@@ -106,7 +111,7 @@ impl<'a> Seen<'a> {
     pub fn spread(&self, mesh: Mesh, some: &[usize]) -> Result<Mesh> {
         let Appearance::VertexColors(colors) = mesh.appearance() else { return Ok(mesh) };
         let (topology, mut colors) = (Topology::of(&mesh)?, doubles(colors));
-        let is_seen = |(point, normal)| some.iter().any(|view| self.place(*view, point, normal).is_some());
+        let is_seen = |(point, normal)| some.iter().any(|view| self.0[*view].place(point, normal).is_some());
         let seen: Vec<bool> = points(&mesh).into_iter().zip(normals(&mesh)).map(is_seen).collect();
         let mut known = seen.clone();
         for _ in 0..ROUNDS {
@@ -120,6 +125,78 @@ impl<'a> Seen<'a> {
             }
         }
         mesh.with_appearance(Appearance::VertexColors(singles(&colors)))
+    }
+}
+
+/// A mesh and settings whose depths are those of its surface.
+fn depths_of(mesh: &Mesh, settings: &Settings) -> Result<(Scene, Settings)> {
+    let outputs = Outputs { depth: true, ..Outputs::NOTHING };
+    let scene = Scene::new(mesh.clone().with_appearance(Appearance::Uniform([1.0; 3]))?);
+    Ok((scene, Settings { outputs, sigma: 1e-7, gamma: 1e-5, ..settings.clone() }))
+}
+
+impl<'a> Sight<'a> {
+    fn new(
+        views: &'a Views,
+        view: usize,
+        photograph: Option<&'a Photograph>,
+        camera: Camera,
+        size: (u32, u32),
+    ) -> Self {
+        let eye = camera.matrix().inverse().transform_point3(DVec3::ZERO);
+        let depths = Image { batch: 0, height: 0, width: 0, channels: 1, data: Vec::new() };
+        Self { views, view, photograph, camera, eye, size, depths, step: 1.0 }
+    }
+
+    /// The column and the row where the view sees a point, and the cosine; `None` where something is before it or the picture's border or
+    /// outline is near.
+    fn place(&self, point: DVec3, normal: DVec3) -> Option<((f64, f64), f64)> {
+        let cosine = normal.dot((self.eye - point).normalize_or_zero());
+        if cosine < LEAST_COSINE {
+            return None;
+        }
+        let [column, row, depth] = self.camera.project(point, self.size)?;
+        let pixel = self.step * self.pixel(point, depth);
+        let nearest = depth_at(&self.depths, 0, column / self.step, row / self.step, STEP * pixel)?;
+        let is_inside = self.silhouette((column, row)) >= COVERED && self.is_object(point);
+        (is_inside && depth - nearest <= BEHIND * pixel / cosine).then_some(((column, row), cosine))
+    }
+
+    /// The length of a pixel at a point.
+    fn pixel(&self, point: DVec3, depth: f64) -> f64 {
+        let right = self.camera.axes()[0].normalize_or_zero();
+        let step = 1e-3 * depth;
+        let column = |point: DVec3| self.camera.project(point, self.size).map(|place| place[0]);
+        let columns = column(point + step * right).zip(column(point)).map_or(0.0, |(a, b)| (a - b).abs());
+        if columns > 0.0 { step / columns } else { 0.0 }
+    }
+
+    /// A channel of the picture at a place.
+    fn channel(&self, k: usize, place: (f64, f64)) -> Option<f64> {
+        // A value below 0 is only a bound, and so is a mean with it.
+        let known = |value: f32| if value < 0.0 { f64::NAN } else { f64::from(value) };
+        let size = (self.size.0 as usize, self.size.1 as usize);
+        if let Some(photograph) = self.photograph {
+            return Some(between(size, place, |row, column| known(photograph.pixel(column as u32, row as u32)[k])));
+        }
+        let (image, channel) =
+            if k < 3 { (self.views.color.as_ref()?, k) } else { (self.views.silhouette.as_ref()?, 0) };
+        Some(between(size, place, |row, column| known(image.pixel(self.view, row, column)[channel])))
+    }
+
+    fn color(&self, place: (f64, f64)) -> Option<DVec3> {
+        Some(DVec3::new(self.channel(0, place)?, self.channel(1, place)?, self.channel(2, place)?))
+    }
+
+    fn silhouette(&self, place: (f64, f64)) -> f64 {
+        self.channel(3, place).unwrap_or(1.0)
+    }
+
+    /// Whether the view's mask has the point where its photograph's may not: masks were mended and narrowed in the views alone.
+    fn is_object(&self, point: DVec3) -> bool {
+        let Some(mask) = self.views.silhouette.as_ref().filter(|_| self.photograph.is_some()) else { return true };
+        let place = self.views.cameras[self.view].project(point, (mask.width as u32, mask.height as u32));
+        place.is_some_and(|[column, row, _]| sample(mask, self.view, 0, column, row) > 0.5)
     }
 }
 

@@ -5,7 +5,7 @@ use crate::{
     pooled, sized,
 };
 use softras::{
-    Camera, Image, Lights, Mesh, Renderer, Result, Scene, Settings, parts,
+    Image, Lights, Mesh, Renderer, Result, Scene, Settings, parts,
     scene::{Appearance, Background, DirectionalLight, Interpolation, Outputs, Shading},
 };
 use softras_io::{Map, Views};
@@ -24,8 +24,6 @@ const MOST_HULL: usize = 192;
 pub struct Subject {
     /// The views.
     pub views: Views,
-    /// The photographs that the views are crops of, if they are.
-    pub photographs: Option<Views>,
     /// The numbers of views that are not fitted, by which the result is judged.
     pub held_out: Vec<usize>,
     /// The mesh that the views were rendered from, if known.
@@ -51,8 +49,8 @@ impl Subject {
         let bounds = cameras::seen(&views)?;
         let depths = cameras::depths(&views.cameras, bounds);
         let pixel = cameras::pixel(&views.cameras, bounds.center, views.size()?);
-        let (held_out, photographs, lights) = (Vec::new(), None, Lights::unlit());
-        Ok(Self { views, photographs, held_out, truth: None, bounds, pixel, depths, lights, one_color: false })
+        let (held_out, lights) = (Vec::new(), Lights::unlit());
+        Ok(Self { views, held_out, truth: None, bounds, pixel, depths, lights, one_color: false })
     }
 
     /// Keeps some of the views, in an order, with all that is told by view. Those held out that are not among them are gone.
@@ -60,10 +58,8 @@ impl Subject {
     /// # Panics
     /// For a view that there is not.
     pub fn keep(&mut self, views: &[usize]) {
-        for all in [Some(&mut self.views), self.photographs.as_mut()].into_iter().flatten() {
-            if let Cow::Owned(some) = all.some(views) {
-                *all = some;
-            }
+        if let Cow::Owned(some) = self.views.some(views) {
+            self.views = some;
         }
         let kept = (0..views.len()).filter(|at| self.held_out.contains(&views[*at]));
         self.held_out = kept.collect();
@@ -79,15 +75,6 @@ impl Subject {
         let (height, width) = self.views.size()?;
         let across = 2.0 * self.bounds.radius / self.pixel;
         Ok((across as usize).clamp(height.min(width), height.max(width)).clamp(LEAST_HULL, MOST_HULL))
-    }
-
-    /// Gives the photographs the positions of the views' cameras.
-    pub(crate) fn move_photographs(&mut self) -> Result<()> {
-        let Some(photographs) = &mut self.photographs else { return Ok(()) };
-        for (given, moved) in photographs.cameras.iter_mut().zip(&self.views.cameras) {
-            *given = Camera::from_affine(moved.matrix(), *given.projection())?;
-        }
-        Ok(())
     }
 
     /// Renders views of a mesh from all around and calls `done` after each.
@@ -135,7 +122,7 @@ impl Subject {
         let truth = scene.meshes.into_iter().next();
         // The views show little more than the sphere.
         let pixel = 2.0 * bounds.radius / f64::from(options.size.0.min(options.size.1));
-        Ok(Self { views, photographs: None, held_out: Vec::new(), truth, bounds, pixel, depths, lights, one_color })
+        Ok(Self { views, held_out: Vec::new(), truth, bounds, pixel, depths, lights, one_color })
     }
 }
 

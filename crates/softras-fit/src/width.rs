@@ -4,7 +4,6 @@
 //! have another colour in each view.
 
 use crate::{
-    cameras,
     exposure::disagreement,
     hull::{hull, views},
     refine::settings,
@@ -64,12 +63,7 @@ pub fn narrowed(subject: &mut Subject, work: &mut Work) -> Result<()> {
     if by == 0.0 || left > MOST_LEFT * given {
         return Ok(());
     }
-    let pixel = subject.pixel;
     narrow(&mut subject.views, by)?;
-    if let Some(photographs) = &mut subject.photographs {
-        let own = cameras::pixel(&photographs.cameras, subject.bounds.center, photographs.size()?);
-        narrow(photographs, by * pixel / own)?;
-    }
     work.notes.push(format!(
         "the masks are wider than the object: narrowed by {by} pixels, the colours of the views differ by {left:.3} on their hull, before by \
          {given:.3}"

@@ -54,7 +54,8 @@ impl Budget {
         if claimed > self.most.get() {
             let [bytes, left] = [bytes, self.most.get() - self.claimed.get()].map(mebibytes);
             let what = format!("{what} needs about {bytes} of memory, but only {left} is left for files");
-            return Err(fault(path, what, "allow more with --memory, or give less"));
+            let fix = format!("allow {}M with --memory, or give less", claimed.div_ceil(1 << 20));
+            return Err(fault(path, what, fix));
         }
         self.claimed.set(claimed);
         Ok(())

@@ -52,7 +52,7 @@ pub use named::{built_in, load_named};
 pub use picture::{Floats, Picture, PictureFormat};
 pub use picture_file::PictureFile;
 pub use source::{LoadOptions, Loaded, far_origin};
-pub use views::{Map, Views, ViewsOptions, read_picture};
+pub use views::{Map, Photograph, Views, ViewsOptions, read_picture};
 
 use softras::{Error, Mesh, Result};
 use source::Source;

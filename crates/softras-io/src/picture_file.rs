@@ -1,6 +1,6 @@
-//! PNG and JPEG files: their sizes are known, and may be counted, before a pixel is decoded.
+//! Picture files: their sizes are known, and may be counted, before a pixel is decoded.
 
-use crate::{fault, input};
+use crate::{fault, input, views::Plain};
 use image::{
     DynamicImage, ImageDecoder, ImageFormat, ImageReader, ImageResult, Limits, RgbaImage, metadata::Orientation,
 };
@@ -38,6 +38,8 @@ pub struct PictureFile {
     pub file_bytes: u64,
     /// Whether its format changes the pixels, as JPEG does.
     pub is_lossy: bool,
+    /// What it says, and what is done.
+    exif: Orientation,
     orientation: Orientation,
     decoder: Box<dyn ImageDecoder>,
     limits: Limits,
@@ -62,20 +64,48 @@ impl PictureFile {
         let mut decoder: Box<dyn ImageDecoder> = Box::new(reader.into_decoder().map_err(refuse)?);
         // What cannot be read of the orientation changes nothing.
         let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
-        let is_upright = matches!(
-            orientation,
-            Orientation::NoTransforms
-                | Orientation::Rotate180
-                | Orientation::FlipHorizontal
-                | Orientation::FlipVertical
-        );
-        let (columns, rows) = decoder.dimensions();
-        let (width, height) = if is_upright { (columns, rows) } else { (rows, columns) };
+        let (width, height) = decoder.dimensions();
         if width.min(height) == 0 || width.max(height) > MAX_SIDE {
             let what = format!("is {width}×{height} pixels");
             return Err(fault(path, what, format!("use 1 to {MAX_SIDE} pixels a side")));
         }
-        Ok(Self { width, height, file_bytes, is_lossy, orientation, decoder, limits })
+        let exif = orientation;
+        let mut file = Self { width, height, file_bytes, is_lossy, exif, orientation, decoder, limits };
+        (file.width, file.height) = file.turned();
+        Ok(file)
+    }
+
+    /// The size as it is stored.
+    pub fn stored(&self) -> (u32, u32) {
+        self.decoder.dimensions()
+    }
+
+    /// The size as the EXIF orientation turns it.
+    pub fn turned(&self) -> (u32, u32) {
+        let (columns, rows) = self.stored();
+        // Those from 5 on exchange rows and columns.
+        if self.exif.to_exif() < 5 { (columns, rows) } else { (rows, columns) }
+    }
+
+    /// The picture as it is stored, whatever its EXIF orientation says.
+    pub fn as_stored(mut self) -> Self {
+        (self.width, self.height) = self.stored();
+        self.orientation = Orientation::NoTransforms;
+        self
+    }
+
+    /// Turns a mask of the picture as it is stored, or as its EXIF orientation shows it, to where this picture is.
+    pub(crate) fn place(&self, mask: &mut DynamicImage, is_stored: bool) {
+        let back = match self.exif {
+            Orientation::Rotate90 => Orientation::Rotate270,
+            Orientation::Rotate270 => Orientation::Rotate90,
+            other => other,
+        };
+        match self.orientation {
+            own if is_stored => mask.apply_orientation(own),
+            Orientation::NoTransforms => mask.apply_orientation(back),
+            _ => {}
+        }
     }
 
     /// The number of pixels.
@@ -85,7 +115,7 @@ impl PictureFile {
 
     /// Whether its EXIF orientation turns or mirrors it.
     pub fn is_turned(&self) -> bool {
-        self.orientation != Orientation::NoTransforms
+        self.exif != Orientation::NoTransforms
     }
 
     /// Decodes the pixels, turned as the EXIF orientation says.
@@ -99,49 +129,32 @@ impl PictureFile {
         Ok(picture)
     }
 
-    /// Decodes the pixels, and the silhouette of the object that a picture shows: its alpha, or in an opaque picture what is not
-    /// black. Notes the latter, and that the picture was turned.
+    /// Decodes the pixels, whose alpha is the silhouette of the object that the picture shows: its own, or in an opaque picture what
+    /// stands out of a plain background. Without either the picture stays opaque. Notes the latter, and that the picture was turned.
     ///
     /// # Errors
     /// Those of [`PictureFile::decode`].
-    pub fn decode_object(self, path: &Path) -> Result<(RgbaImage, Vec<f64>, [Option<String>; 2])> {
+    pub fn decode_object(self, path: &Path) -> Result<(RgbaImage, Vec<String>)> {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
-        let turned = self.is_turned().then(|| format!("{name}: turned as its EXIF orientation says"));
-        let black = if self.is_lossy { LOSSY_BLACK } else { 0 };
-        let picture = self.decode(path)?.into_rgba8();
-        let is_opaque = picture.pixels().all(|p| p.0[3] == 255);
-        let alpha = || picture.pixels().map(|p| f64::from(p.0[3]) / 255.0).collect();
-        let silhouette = if is_opaque { matte(&picture, black) } else { alpha() };
-        let cut = (is_opaque && black > 0).then(|| {
-            format!(
-                "{name}: values up to {LOSSY_BLACK} of 255 are taken as background (a PNG with alpha says it exactly)"
-            )
-        });
-        Ok((picture, silhouette, [cut, turned]))
+        let (is_turned, is_lossy) = (self.is_turned(), self.is_lossy);
+        let mut notes = Vec::new();
+        if is_turned {
+            notes.push(format!("{name}: turned as its EXIF orientation says"));
+        }
+        let mut picture = self.decode(path)?.into_rgba8();
+        if is_opaque(&picture) {
+            let plain = Plain::of(&picture, is_lossy);
+            plain.iter().for_each(|plain| plain.remove(&mut picture));
+            let told = plain.map_or(Some("no alpha and no plain background: all of it is object".into()), |p| p.told());
+            notes.extend(told.map(|told| format!("{name}: {told}")));
+        }
+        Ok((picture, notes))
     }
 }
 
-/// The brightest value of the background in a picture of a format that changes pixels: beside an edge JPEG leaves traces of it.
-const LOSSY_BLACK: u8 = 32;
-
-/// The silhouette of an opaque picture over black: 0 up to `black`, and 1 where no pixel around is as dark. A pixel of the outline
-/// shows some of the background, so its silhouette is its brightness divided by that of the brightest pixel around.
-fn matte(picture: &RgbaImage, black: u8) -> Vec<f64> {
-    let (width, height) = (picture.width() as usize, picture.height() as usize);
-    let brightest: Vec<u8> = picture.pixels().map(|p| p.0[0].max(p.0[1]).max(p.0[2])).collect();
-    let alpha = |at: usize| {
-        let (row, column) = (at / width, at % width);
-        let rows = row.saturating_sub(1)..(row + 2).min(height);
-        let around =
-            rows.flat_map(|r| brightest[r * width..][column.saturating_sub(1)..(column + 2).min(width)].iter());
-        let (least, most) = around.fold((u8::MAX, 0), |(least, most), x| (least.min(*x), most.max(*x)));
-        match brightest[at] {
-            own if own <= black => 0.0,
-            _ if least > black => 1.0,
-            own => f64::from(own) / f64::from(most),
-        }
-    };
-    (0..width * height).map(alpha).collect()
+/// Whether nothing of a picture is transparent.
+pub(crate) fn is_opaque(picture: &RgbaImage) -> bool {
+    picture.pixels().all(|pixel| pixel.0[3] == 255)
 }
 
 fn refuse(path: &Path, error: &image::ImageError) -> Error {

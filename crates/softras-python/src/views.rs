@@ -21,19 +21,21 @@ type Arrays = (Vec<Camera>, [Option<Py<PyAny>>; 4], Vec<String>);
 
 /// Reads pictures with their cameras; see `softras.load_views`.
 #[pyfunction]
-#[pyo3(signature = (path, *, cameras, fov, depths, depth_unit, normals, allow_outside))]
+#[pyo3(signature = (path, *, cameras, masks, fov, depths, depth_unit, normals, allow_outside))]
 #[allow(clippy::too_many_arguments)]
 pub fn load_views(
     py: Python<'_>,
     path: PathBuf,
     cameras: Option<PathBuf>,
+    masks: Option<PathBuf>,
     fov: f64,
     depths: Option<PathBuf>,
     depth_unit: f64,
     normals: Option<PathBuf>,
     allow_outside: bool,
 ) -> PyResult<Arrays> {
-    let options = ViewsOptions { cameras, fov, depths, depth_unit, normals, allow_outside, ..ViewsOptions::default() };
+    let options =
+        ViewsOptions { cameras, masks, fov, depths, depth_unit, normals, allow_outside, ..ViewsOptions::default() };
     let (views, _, notes) = py.detach(|| Views::open_with(&path, &options, &Budget::new(None))).raise()?;
     let array = |image: &Option<softras::Image>| image.as_ref().map(|image| image_array(py, image)).transpose();
     let images = [array(&views.silhouette)?, array(&views.color)?, array(&views.depth)?, array(&views.normal)?];

@@ -45,7 +45,7 @@ fn pictures_out_of_proportion_are_refused() {
     let entry = r#"{"file":"a.png","distance":3,"elevation":0,"azimuth":0}"#;
     fs::write(folder.path().join("cameras.json"), format!("[{}]", [entry; 8].join(","))).unwrap();
     succeeds(folder.path(), &["mesh", "cube", "-o", "cube.obj"]);
-    refused(folder.path(), &["fit", "--views", ".", "-o", "o.obj"], &["a.png", "67108864 pixels", "--memory"]);
+    refused(folder.path(), &["fit", "--views", ".", "-o", "o.obj"], &["8 pictures", "allow 1595M with --memory"]);
     refused(folder.path(), &["grad", "cube.obj", "--target", "a.png", "-o", "o.png"], &["a.png", "--memory"]);
     refused(folder.path(), &["pose", "--mesh", "cube.obj", "--image", "a.png"], &["a.png", "--memory"]);
 }

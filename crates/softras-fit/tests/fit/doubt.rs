@@ -150,6 +150,30 @@ fn close_ups_and_tall_objects_leave_the_object_whole() {
 }
 
 #[test]
+fn masks_that_cannot_be_right_are_refused_at_once() {
+    let mut renderer = renderer();
+    let good = views(&mut renderer, &solid(), around(12), (48, 48));
+    let mut error = |views: Views| {
+        let begun = Fit::new(views).unwrap().begin(&mut renderer, &mut |_| ControlFlow::Continue(()));
+        begun.unwrap_err().to_string()
+    };
+    for change in [|x: &mut f32| *x = 1.0, |x: &mut f32| *x = 1.0 - *x] {
+        let mut wrong = good.clone();
+        masks(&mut wrong).data.iter_mut().for_each(change);
+        assert!(error(wrong).contains("of 12 views 12 are all object up to the border"));
+    }
+    // Small objects at places that no solid has.
+    let mut wrong = good.clone();
+    for (view, mask) in masks(&mut wrong).data.chunks_exact_mut(48 * 48).enumerate() {
+        let (row, column) = (6 + 11 * view % 35, 6 + 17 * view % 35);
+        mask.fill(0.0);
+        (0..16).for_each(|i| mask[(row + i / 4) * 48 + column + i % 4] = 1.0);
+    }
+    let told = error(wrong);
+    assert!(told.contains("the solid that all masks allow leaves"), "{told}");
+}
+
+#[test]
 fn cameras_that_look_away_are_refused() {
     let mut renderer = renderer();
     let mut views = views(&mut renderer, &solid(), around(8), (32, 32));

@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 mod arrays;
+mod cameras;
 #[path = "../../../../tests/common/pool.rs"]
 mod common;
 mod corpus;

@@ -256,6 +256,7 @@ def load_views(
     path: _Path,
     *,
     cameras: Optional[_Path],
+    masks: Optional[_Path],
     fov: float,
     depths: Optional[_Path],
     depth_unit: float,

@@ -166,6 +166,7 @@ def load_views(
     path: Union[str, "os.PathLike[str]"],
     *,
     cameras: Union[str, "os.PathLike[str]", None] = None,
+    masks: Union[str, "os.PathLike[str]", None] = None,
     fov: float = 30.0,
     depths: Union[str, "os.PathLike[str]", None] = None,
     depth_unit: float = 0.001,
@@ -175,12 +176,14 @@ def load_views(
     """Reads a folder of pictures with a file of their cameras, or a .npy file of images, as `softras fit --views` does.
 
     Cameras are in cameras.json, transforms.json (NeRF), a COLMAP model, cameras.npz (IDR, NeuS) or a _par.txt (Middlebury); `fov`
-    is the vertical angle of view in degrees where the file does not give one. `depths` and `normals` are folders of maps. Notes of
-    the reader become warnings. Raises IoError, FileError.
+    is the vertical angle of view in degrees where the file does not give one. `masks`, `depths` and `normals` are folders of maps.
+    Without `masks` the silhouettes are alpha, masks beside the pictures, or what stands out of a plain background; FileError is raised
+    where there is none of these. Notes of the reader become warnings. Raises IoError, FileError.
     """
     read, images, notes = _softras.load_views(
         path,
         cameras=cameras,
+        masks=masks,
         fov=fov,
         depths=depths,
         depth_unit=depth_unit,

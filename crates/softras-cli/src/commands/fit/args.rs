@@ -12,9 +12,9 @@ use std::path::{Path, PathBuf};
 
 const EXAMPLES: &str = "\
 Views are a folder of pictures with their cameras (cameras.json, transforms.json,
-COLMAP's model, cameras.npz, NAME_par.txt), or arrays; see docs/cameras.md. In a
-picture without alpha, all non-black pixels are object. Ctrl-C ends the fit
-and writes the best mesh so far.
+COLMAP's model, cameras.npz, NAME_par.txt), or arrays; see docs/cameras.md. Alpha,
+masks beside the pictures, or a plain background tell the object. Ctrl-C ends the
+fit and writes the best mesh so far.
 
 Examples:
   softras fit --views photos -o shape.obj --color --gif fit.gif --plot loss.png
@@ -85,6 +85,9 @@ pub struct TargetArgs {
         hide_possible_values = true
     )]
     pub also: Vec<Map>,
+    /// Folder of masks, named as the pictures: NAME.png or NAME.jpg.png [default: masks, mask or silhouettes beside them]
+    #[arg(long, value_name = "FOLDER", alias = "mask-folder", requires = "views", conflicts_with = "from")]
+    pub mask_path: Option<PathBuf>,
     /// Fit to depth maps too: NAME.exr, .npy, or .png of 16 bits
     #[arg(long, value_name = "FOLDER", requires = "views", conflicts_with = "from")]
     pub depths: Option<PathBuf>,
@@ -177,9 +180,9 @@ impl FitArgs {
     /// the rendered samples under it, their gradients and what the device keeps of them.
     pub fn views_options(&self) -> ViewsOptions {
         let samples = u64::from(self.method.samples.unwrap_or(1));
-        let is_cropped = self.targets.crop > 0 && self.targets.depths.is_none() && self.targets.normals.is_none();
         ViewsOptions {
             cameras: self.cameras.clone(),
+            masks: self.targets.mask_path.clone(),
             fov: self.targets.fov,
             color: self.colored(),
             depths: self.targets.depths.clone(),
@@ -187,7 +190,8 @@ impl FitArgs {
             normals: self.targets.normals.clone(),
             allow_outside: self.read.allow_outside,
             bytes_per_pixel: 48 + 64 * samples * samples,
-            most_pixels: if is_cropped { 2 * u64::from(self.targets.crop).pow(2) } else { u64::MAX },
+            crop: if self.method.preset == Preset::Official { 0 } else { self.targets.crop },
+            detail: if self.texture { self.method.texture_size } else { 0 },
         }
     }
 

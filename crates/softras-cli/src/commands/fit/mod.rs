@@ -61,7 +61,7 @@ pub fn run(args: &FitArgs) -> Result<(), Failure> {
         }
     };
     if let Some(path) = &files.save_cameras {
-        fitting.photographs().save_cameras(path)?;
+        fitting.views().save_cameras(path)?;
     }
     let fitted = fitting.finish(painted, &mut renderer)?;
     save(&fitted.mesh)?;

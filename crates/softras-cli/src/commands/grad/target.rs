@@ -49,8 +49,9 @@ impl Target {
         budget.count_file(picture.file_bytes);
         let what = format!("a picture of {width}×{height} pixels");
         budget.claim(path, &what, picture.pixels().saturating_mul(BYTES_PER_PIXEL))?;
-        let (picture, silhouette, notes) = picture.decode_object(path)?;
-        notes.iter().flatten().for_each(|text| note(text));
+        let (picture, notes) = picture.decode_object(path)?;
+        notes.iter().for_each(|text| note(text));
+        let silhouette = picture.pixels().map(|pixel| f64::from(pixel.0[3]) / 255.0).collect();
         let mut color = Vec::new();
         for pixel in picture.pixels() {
             let [r, g, b, a] = pixel.0.map(|byte| f64::from(byte) / 255.0);

@@ -207,7 +207,7 @@ pub(super) fn read(path: &Path) -> Result<Vec<Entry>> {
             return lines.refuse("the quaternion has another length than 1", "give QW QX QY QZ of a rotation");
         }
         let matrix = DMat4::from_rotation_translation(turn.normalize(), DVec3::new(tx, ty, tz));
-        let view = posed(matrix, COLMAP).or_else(|what| lines.refuse(what, "give a rotation"))?;
+        let view = posed(matrix, false, COLMAP).or_else(|what| lines.refuse(what, "give a rotation"))?;
         // A name may hold spaces: it is the rest of the line.
         let name = words[..9].iter().fold(&text[..], |rest, word| rest.trim_start()[word.len()..].trim_start());
         let place = format!("line {}", lines.line);

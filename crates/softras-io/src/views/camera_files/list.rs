@@ -50,7 +50,7 @@ pub(super) fn read(path: &Path, bytes: &[u8], fov: f64) -> Result<Vec<Entry>> {
             },
             (None, own) => Lens::Degrees(own.unwrap_or(fov)),
         };
-        Ok(Entry::new(entry.file, place, view, lens))
+        Ok(Entry { is_stored: false, ..Entry::new(entry.file, place, view, lens) })
     };
     entries.into_iter().enumerate().map(one).collect()
 }
@@ -77,13 +77,10 @@ fn position(entry: &Listed) -> Result<DMat4, (String, &'static str)> {
             of_camera(Camera::from_angles(distance, elevation, azimuth, any))
         }
         (None, [None, None, None], (Some(rows), None)) if alone => {
-            named("world_to_camera", posed(matrix(rows), OPENCV))
+            named("world_to_camera", posed(matrix(rows), false, OPENCV))
         }
         (None, [None, None, None], (None, Some(rows))) if alone => {
-            // `posed` tests that the inverse is a pose. It has to see a wrong last row as it is, so that is not inverted.
-            let pose = matrix(rows);
-            let flat = pose.row(3).to_array() == [0.0, 0.0, 0.0, 1.0];
-            named("camera_to_world", posed(if flat { pose.inverse() } else { pose }, OPENCV))
+            named("camera_to_world", posed(matrix(rows), true, OPENCV))
         }
         _ => {
             let fix = "give eye (and target, up), or distance, elevation and azimuth, or world_to_camera, or \

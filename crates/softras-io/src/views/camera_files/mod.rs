@@ -13,7 +13,7 @@ mod write;
 pub use write::{cameras, files, names};
 
 use crate::{input, refuse, text};
-use glam::{DMat4, DVec3, DVec4};
+use glam::{DMat3, DMat4, DVec3, DVec4};
 use softras::{Camera, Error, Projection, Result};
 use std::path::{Path, PathBuf};
 
@@ -25,6 +25,9 @@ const MAX_PICTURES: usize = 100_000;
 
 /// How far the rows of a rotation may be from unit length and from right angles.
 const ROTATION_ERROR: f64 = 1e-3;
+
+/// How far 0 and 1 may be from what they are in files that were computed in 32 bits.
+const ROUNDING: f64 = 1e-5;
 
 /// A picture and its camera.
 #[derive(Clone, Debug)]
@@ -42,6 +45,8 @@ pub struct Entry {
     pub bend: Option<[f64; 4]>,
     /// The picture's mask.
     pub mask: Option<PathBuf>,
+    /// Whether the camera is that of the pixels as they are stored, and not as an EXIF orientation turns them.
+    pub is_stored: bool,
 }
 
 /// From view space to the picture.
@@ -61,7 +66,7 @@ enum Lens {
 ///
 /// # Errors
 /// [`Error::File`] naming the place and the field, or the line, of anything that does not belong there.
-pub fn read(folder: &Path, given: Option<&Path>, fov: f64) -> Result<(PathBuf, Vec<Entry>)> {
+pub fn read(folder: &Path, given: Option<&Path>, fov: f64, notes: &mut Vec<String>) -> Result<(PathBuf, Vec<Entry>)> {
     let given = given.map(|given| if given.is_dir() { found(given) } else { Some(given.to_path_buf()) });
     let path = given.unwrap_or_else(|| found(folder)).unwrap_or_else(|| folder.join(NAMES[0]));
     if !path.exists() {
@@ -85,20 +90,39 @@ pub fn read(folder: &Path, given: Option<&Path>, fov: f64) -> Result<(PathBuf, V
         }
     };
     match views.len() {
-        0 => refuse(&path, "is a list without cameras", "give at least one picture with its camera"),
-        n if n > MAX_PICTURES => refuse(&path, format!("has {n} pictures"), "use at most 100000"),
-        _ => Ok((path, views)),
+        0 => return refuse(&path, "is a list without cameras", "give at least one picture with its camera"),
+        n if n > MAX_PICTURES => return refuse(&path, format!("has {n} pictures"), "use at most 100000"),
+        _ => {}
     }
+    // View space is left-handed, so that the matrix of a world that is not mirrored has a negative determinant.
+    let is_mirrored = |view: &&Entry| view.view.determinant() > 0.0;
+    match views.iter().filter(is_mirrored).count() {
+        0 => {}
+        n if n == views.len() => notes.push("the cameras' world is mirrored, and so is the mesh that is fitted".into()),
+        n => {
+            let first = views.iter().find(is_mirrored).map_or("", |view| &view.place);
+            let what = format!("{first}: mirrors the world, as {n} of {} cameras do", views.len());
+            return refuse(&path, what, "give all cameras in one world: a rotation's determinant is 1");
+        }
+    }
+    Ok((path, views))
 }
 
 /// The files of cameras that a folder is searched for, besides those of Middlebury.
-const NAMES: [&str; 5] = ["cameras.json", "transforms.json", "images.txt", "images.bin", "cameras.npz"];
+const NAMES: [&str; 6] =
+    ["cameras.json", "transforms.json", "images.txt", "images.bin", "cameras.npz", "cameras_sphere.npz"];
 
-/// The file of cameras of a folder.
+/// The folders below a folder of pictures that have COLMAP's model.
+const MODELS: [&str; 4] = ["", "sparse/0", "sparse", "colmap/sparse/0"];
+
+/// The file of cameras of a folder, or of the model in it.
 fn found(folder: &Path) -> Option<PathBuf> {
-    let listed =
-        || std::fs::read_dir(folder).ok()?.find_map(|entry| Some(entry.ok()?.path()).filter(|p| is_middlebury(p)));
-    NAMES.map(|name| folder.join(name)).into_iter().find(|path| path.exists()).or_else(listed)
+    MODELS.iter().find_map(|model| {
+        let folder = folder.join(model);
+        let files = || Some(std::fs::read_dir(&folder).ok()?.filter_map(|entry| Some(entry.ok()?.path())));
+        let listed = || files()?.filter(|path| is_middlebury(path)).min();
+        NAMES.map(|name| folder.join(name)).into_iter().find(|path| path.exists()).or_else(listed)
+    })
 }
 
 fn is_middlebury(path: &Path) -> bool {
@@ -112,7 +136,24 @@ const FORMAT: &str = "write it, as [{\"file\": \"0.png\", \"distance\": 3, \"ele
 
 impl Entry {
     fn new(file: impl Into<PathBuf>, place: String, view: DMat4, lens: Lens) -> Self {
-        Self { file: file.into(), size: None, place, view, lens, bend: None, mask: None }
+        Self { file: file.into(), size: None, place, view, lens, bend: None, mask: None, is_stored: true }
+    }
+
+    /// Whether the camera is one of pictures as an EXIF orientation turns them from the stored size to another.
+    pub fn is_turned(&self, stored: (u32, u32), turned: (u32, u32)) -> bool {
+        // A size that is said decides where a quarter turn changes it, and a principal point that is near the middle of one alone.
+        if self.size.is_some_and(|size| (size == stored) != (size == turned)) {
+            return self.size == Some(turned);
+        }
+        let Lens::Pixels { cx, cy, .. } = self.lens else { return !self.is_stored };
+        let far = |(width, height): (u32, u32)| {
+            (2.0 * cx / f64::from(width) - 1.0).abs().max((2.0 * cy / f64::from(height) - 1.0).abs())
+        };
+        match (far(stored), far(turned)) {
+            (stored, turned) if 2.0 * stored < turned => false,
+            (stored, turned) if 2.0 * turned < stored => true,
+            _ => !self.is_stored,
+        }
     }
 
     /// Where the distorted picture shows what a pinhole's picture has at a column and a row.
@@ -173,21 +214,22 @@ fn pinhole(view: DMat4, [fx, fy, cx, cy]: [f64; 4], skew: f64, [width, height]: 
     Camera::from_affine(shear * view, Projection::Pinhole { fx, fy, cx, cy })
 }
 
-/// World to view of a pose, a world-to-camera matrix whose camera axes point along `axes` of x right, y up, z forward.
+/// World to view of a pose: a world-to-camera matrix, or its inverse, whose camera axes point along `axes` of x right, y up, z
+/// forward. It may mirror.
 ///
 /// # Errors
 /// What is wrong with the matrix.
-fn posed(world_to_camera: DMat4, axes: DVec3) -> std::result::Result<DMat4, String> {
-    let rows = [0, 1, 2].map(|i| world_to_camera.row(i).truncate());
-    if world_to_camera.row(3).to_array() != [0.0, 0.0, 0.0, 1.0] {
+fn posed(pose: DMat4, is_inverse: bool, axes: DVec3) -> std::result::Result<DMat4, String> {
+    if (pose.row(3) - DVec4::W).abs().max_element() > ROUNDING {
         return Err("the last row must be (0, 0, 0, 1)".into());
     }
-    let close = |a: f64, b: f64| (a - b).abs() <= ROTATION_ERROR;
-    let upright = (0..3).all(|i| (0..3).all(|j| close(rows[i].dot(rows[j]), f64::from(u8::from(i == j)))));
-    if !upright || rows[0].cross(rows[1]).dot(rows[2]) < 0.0 {
-        return Err("the upper left 3×3 part must be a rotation, without scale or mirroring".into());
+    let (turn, shift) = (DMat3::from_mat4(pose), pose.col(3).truncate());
+    let off = (turn.transpose() * turn - DMat3::IDENTITY).to_cols_array();
+    if off.iter().any(|x| x.abs() > ROTATION_ERROR) {
+        return Err("the upper left 3×3 part must be a rotation, without scale".into());
     }
-    Ok(DMat4::from_scale(axes) * world_to_camera)
+    let (turn, shift) = if is_inverse { (turn.inverse(), -(turn.inverse() * shift)) } else { (turn, shift) };
+    Ok(DMat4::from_scale(axes) * DMat4::from_translation(shift) * DMat4::from_mat3(turn))
 }
 
 /// A matrix of rows.

@@ -28,7 +28,7 @@ fn cameras(files: &[(&str, &str)]) -> Result<Vec<Camera>> {
     for (name, text) in files {
         fs::write(folder.path().join(name), text).unwrap();
     }
-    let (path, views) = read(folder.path(), None, 30.0)?;
+    let (path, views) = read(folder.path(), None, 30.0, &mut Vec::new())?;
     views.iter().map(|view| view.camera(&path, SIZE)).collect()
 }
 
@@ -107,7 +107,7 @@ fn points_project_by_transforms() {
     }
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("transforms.json"), by_angle).unwrap();
-    assert_eq!(read(folder.path(), None, 30.0).unwrap().1[0].file, Path::new("./images/a.png"));
+    assert_eq!(read(folder.path(), None, 30.0, &mut Vec::new()).unwrap().1[0].file, Path::new("./images/a.png"));
 }
 
 fn images(camera: u32) -> String {
@@ -131,7 +131,7 @@ fn points_project_by_colmap() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("cameras.txt"), "7 SIMPLE_PINHOLE 60 40 50 30 20").unwrap();
     fs::write(folder.path().join("images.txt"), images(7)).unwrap();
-    let (_, views) = read(folder.path(), Some(&folder.path().join("cameras.txt")), 30.0).unwrap();
+    let (_, views) = read(folder.path(), Some(&folder.path().join("cameras.txt")), 30.0, &mut Vec::new()).unwrap();
     assert_eq!([&views[0].file, &views[1].file], [Path::new("a picture.png"), Path::new("b.png")]);
 }
 
@@ -149,7 +149,7 @@ fn what_is_written_is_read_again() {
     let folder = tempfile::tempdir().unwrap();
     // Half covered by linear 0.5: sRGB's byte 188.
     crate::output::write_files(&files(folder.path(), &made, &image(1, |_| 0.5), &image(3, |_| 0.25)).unwrap()).unwrap();
-    let (path, views) = read(folder.path(), None, 30.0).unwrap();
+    let (path, views) = read(folder.path(), None, 30.0, &mut Vec::new()).unwrap();
     for (view, made) in views.iter().zip(&made) {
         let camera = view.camera(&path, SIZE).unwrap();
         assert_eq!(camera, *made);
@@ -258,9 +258,9 @@ fn points_project_by_matrices_with_skew() {
     }
     let mats = ["world_mat_0", "world_mat_1"].map(|key| (key, vec![4, 4], crate::npy::Data::F64(&p)));
     crate::npz::write(&folder.path().join("cameras.npz"), &mats).unwrap();
-    let (path, views) = read(folder.path(), None, 30.0).unwrap();
+    let (path, views) = read(folder.path(), None, 30.0, &mut Vec::new()).unwrap();
     fs::remove_file(folder.path().join("b.png")).unwrap();
-    assert!(read(folder.path(), None, 30.0).unwrap_err().to_string().contains("only 1 pictures"));
+    assert!(read(folder.path(), None, 30.0, &mut Vec::new()).unwrap_err().to_string().contains("only 1 pictures"));
     assert_eq!(views[0].file, Path::new("a.png"));
     let camera = views[1].camera(&path, SIZE).unwrap();
     POINTS.iter().for_each(|p| assert_close(by_camera(&camera, *p), by_k(*p)));
@@ -290,7 +290,7 @@ fn binary_models_of_colmap_are_those_of_text() {
         ),
     ]);
     // The folder of the model.
-    let (path, views) = read(folder.path(), Some(&folder.path().join("sparse")), 30.0).unwrap();
+    let (path, views) = read(folder.path(), Some(&folder.path().join("sparse")), 30.0, &mut Vec::new()).unwrap();
     assert_eq!(views.iter().map(|view| view.file.to_str().unwrap()).collect::<Vec<_>>(), ["a.png", "b c.png"]);
     let camera = views[1].camera(&path, SIZE).unwrap();
     POINTS.iter().for_each(|p| assert_close(by_camera(&camera, *p), by_camera(&text.as_ref().unwrap()[0], *p)));
@@ -300,9 +300,13 @@ fn binary_models_of_colmap_are_those_of_text() {
     assert_close([column, row], [50.0 * (0.5 * 1.029 + 0.002) + 28.0, 55.0 * (0.2 * 1.029 + 0.01 * 0.37) + 23.0]);
     for end in (0..images.len()).step_by(7) {
         fs::write(folder.path().join("sparse/images.bin"), &images[..end]).unwrap();
-        assert!(read(folder.path(), Some(&folder.path().join("sparse")), 30.0).is_err(), "{end} bytes");
+        assert!(
+            read(folder.path(), Some(&folder.path().join("sparse")), 30.0, &mut Vec::new()).is_err(),
+            "{end} bytes"
+        );
     }
-    let error = read(folder.path(), Some(&folder.path().join("sparse")), 30.0).unwrap_err().to_string();
+    let error =
+        read(folder.path(), Some(&folder.path().join("sparse")), 30.0, &mut Vec::new()).unwrap_err().to_string();
     assert!(error.contains("images.bin") && error.contains("colmap model_converter"), "{error}");
 }
 
@@ -313,7 +317,7 @@ fn arrays_of_another_convention_are_refused() {
     let read = |axes: [f64; 3]| {
         let view = DMat4::from_scale(DVec3::from(axes)).to_cols_array();
         fs::write(&path, crate::npy::write(&[1, 4, 4], crate::npy::Data::F64(&view))).unwrap();
-        crate::views::read_cameras(&path, 30.0, &crate::Budget::new(None))
+        crate::views::arrays::read_cameras(&path, 30.0, &crate::Budget::new(None))
     };
     assert!(read([1.0, 1.0, -1.0]).is_ok_and(|cameras| cameras.len() == 1));
     // With y down as well, and with z backward as well.

@@ -82,9 +82,7 @@ fn view(path: &Path, file: &Transforms, i: usize, frame: &Transforms, fov: f64) 
     let (Some(rows), Some(mut name)) = (&frame.transform_matrix, frame.file_path.clone()) else {
         return refuse("without file_path or transform_matrix".into(), "give both");
     };
-    let pose = matrix(rows);
-    let inverse = if pose.row(3).to_array() == [0.0, 0.0, 0.0, 1.0] { pose.inverse() } else { pose };
-    let view = match posed(inverse, OPENGL) {
+    let view = match posed(matrix(rows), true, OPENGL) {
         Ok(view) => view,
         Err(what) => return refuse(format!("transform_matrix: {what}"), "give camera to world"),
     };
