@@ -11,6 +11,7 @@ cameras = [camera, softras.Camera.look_at((0, 0, 3), (0, 0, 0), fov_y=0.8), soft
 lights = softras.Lights(directional=(softras.DirectionalLight(),), shading="smooth")
 settings = softras.Settings.official(width=32, height=32).with_depths_of(cube, camera).with_blur_pixels(2.0)
 renderer: softras.Renderer = softras.default_renderer()
+devices: list[softras.Device] = softras.devices()
 
 
 def everything(folder: str) -> None:
