@@ -186,9 +186,17 @@ fn draw(device: &wgpu::Device, queue: &wgpu::Queue, pass: &Pass, work: &Memory) 
     // until the queue has been waited for below.
     unsafe {
         softras.as_hal_mut::<Vulkan, _, Outcome<()>>(|encoder| {
-            let mut commands = HostCommands::new(encoder.ok_or("the encoder is not Vulkan's")?.raw_handle());
+            let raw = encoder.ok_or("the encoder is not Vulkan's")?.raw_handle();
+            let mut commands = HostCommands::new(raw);
             pass.record_setup(&mut commands)?;
-            Ok(pass.record_forward(&mut commands)?)
+            pass.record_forward(&mut commands)?;
+            // The host reads the status behind the wait.
+            let (from, to) = (vk::PipelineStageFlags::TRANSFER, vk::PipelineStageFlags::HOST);
+            let status = vk::MemoryBarrier::default()
+                .src_access_mask(vk::AccessFlags::TRANSFER_WRITE)
+                .dst_access_mask(vk::AccessFlags::HOST_READ);
+            work.device.cmd_pipeline_barrier(raw, from, to, vk::DependencyFlags::empty(), &[status], &[], &[]);
+            Ok(())
         })?;
     }
 

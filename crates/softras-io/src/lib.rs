@@ -16,6 +16,7 @@
 //! ```
 
 mod budget;
+mod coincident;
 mod color;
 mod fate;
 mod find;

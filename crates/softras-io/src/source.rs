@@ -1,6 +1,6 @@
 //! A mesh file that is being read, and what reading one gives.
 
-use crate::{fault, input, notes::Notes, placed, textures::Room};
+use crate::{coincident::face_away, fault, input, notes::Notes, placed, textures::Room};
 use softras::{
     Mesh, Result,
     scene::{Appearance, Texture},
@@ -41,9 +41,9 @@ pub struct Loaded {
     /// where all are 1. The model has no glass: `softras render` blends these triangles over the others, everything else draws
     /// them opaque. The alpha of textures is in the mesh.
     pub opacity: Vec<f32>,
-    /// Whether the material of each triangle is drawn from its front alone, as a glTF file's is unless it is `doubleSided`; empty
-    /// where none is. `softras render` leaves out what it hides, and so does `softras_view::seen` in other scenes. Everything else
-    /// draws both sides.
+    /// Whether each triangle is drawn from its front alone: as the materials of a glTF file say unless they are `doubleSided`, and
+    /// where one of another colour lies on its back; empty where none is. `softras render` leaves out what it hides, and so does
+    /// `softras_view::seen` in other scenes. Everything else draws both sides.
     pub single_sided: Vec<bool>,
     /// Whether all materials of the file say that light does not shade them.
     pub unlit: bool,
@@ -224,7 +224,8 @@ impl<'a> Source<'a> {
     }
 
     /// The mesh of positions as [`Source::placed`] gives them. Triangles with a corner that is no point of a mesh are left out with a
-    /// note, at the line of the first; vertices that no triangle uses may be anywhere.
+    /// note, at the line of the first; vertices that no triangle uses may be anywhere. Triangles that lie on each other and face
+    /// opposite ways are single-sided from here on; another note counts those of several colours that face the same way.
     ///
     /// # Errors
     /// Those of [`Mesh::new`] and [`Mesh::with_appearance`].
@@ -247,6 +248,7 @@ impl<'a> Source<'a> {
                 self.notes.add(line(first), what);
                 pick(&mut self.normals, &kept);
                 pick(&mut self.opacity, &kept);
+                pick(&mut self.single_sided, &kept);
                 match &mut appearance {
                     Appearance::Surface { texels, .. } => pick(texels, &kept),
                     Appearance::Textured { uv_triangles, texture_of_triangle, .. } => {
@@ -260,7 +262,13 @@ impl<'a> Source<'a> {
             let place = is_good.iter().position(|good| *good).map_or([0.0; 3], |first| positions[first]);
             positions.iter_mut().zip(is_good).filter(|(_, good)| !good).for_each(|(p, _)| *p = place);
         }
-        Mesh::new(positions, triangles)?.with_appearance(appearance)
+        let mesh = Mesh::new(positions, triangles)?.with_appearance(appearance)?;
+        let same_way = face_away(&mesh, &mut self.single_sided);
+        if same_way > 0 {
+            self.notes
+                .add(None, format!("{same_way} triangles lie on others of another colour: their colours are mixed"));
+        }
+        Ok(mesh)
     }
 
     /// Positions as 32-bit numbers. Those of a mesh that lies far from 0 are relative to its origin, which is kept; where the file's

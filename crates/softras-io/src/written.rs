@@ -1,6 +1,6 @@
 //! What the writers write: a mesh, and what a file may say beside it.
 
-use crate::{Curve, Loaded, SaveOptions};
+use crate::{Curve, Loaded, SaveOptions, coincident::face_away};
 use softras::{
     Mesh, Result,
     scene::{Appearance, Texture},
@@ -17,6 +17,8 @@ pub struct Written<'a> {
     pub normals: Cow<'a, [[[f32; 3]; 3]]>,
     /// One for each triangle; empty where all are 1.
     pub opacity: &'a [f32],
+    /// Whether each triangle is seen from its front alone; empty where none is.
+    pub single_sided: &'a [bool],
     pub unlit: bool,
     pub curve: Curve,
     pub origin: [f64; 3],
@@ -38,6 +40,7 @@ impl<'a> Written<'a> {
             mesh: mesh.clone(),
             normals: normals.into(),
             opacity: &[],
+            single_sided: &[],
             unlit: false,
             curve,
             origin: options.origin,
@@ -56,7 +59,8 @@ impl<'a> Written<'a> {
     pub fn of(loaded: &'a Loaded) -> Result<Self> {
         let written = Self::new(&loaded.mesh, &SaveOptions { srgb: true, origin: loaded.origin })?;
         let normals = if loaded.normals.is_empty() { written.normals } else { loaded.normals.as_slice().into() };
-        Ok(Self { normals, opacity: &loaded.opacity, unlit: loaded.unlit, ..written })
+        let (opacity, single_sided) = (&loaded.opacity, &loaded.single_sided);
+        Ok(Self { normals, opacity, single_sided, unlit: loaded.unlit, ..written })
     }
 
     /// Encodes textures in sRGB and 256 steps: the inverse of reading them as linear light.
@@ -100,6 +104,19 @@ impl<'a> Written<'a> {
     pub fn lose(&mut self, what: &str) {
         if !self.notes.iter().any(|note| note == what) {
             self.notes.push(what.into());
+        }
+    }
+
+    /// Notes what formats without materials of their own, as OBJ and PLY, do not say of light and sides.
+    pub fn lose_light_and_sides(&mut self) {
+        if self.unlit {
+            self.lose("that light does not shade it is not kept: --unlit draws it so");
+        }
+        let mut kept = Vec::new();
+        face_away(&self.mesh, &mut kept);
+        let is_kept = |(t, single): (usize, &bool)| !single || kept.get(t) == Some(&true);
+        if !self.single_sided.iter().enumerate().all(is_kept) {
+            self.lose("that triangles are seen from their front alone is not kept: --faces front draws them so");
         }
     }
 

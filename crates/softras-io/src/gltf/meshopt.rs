@@ -114,6 +114,6 @@ fn quaternion([x, y, z, scale]: [i16; 4]) -> [u16; 4] {
     let fourth = (1.0 - three.iter().map(|x| x * x).sum::<f32>()).max(0.0).sqrt();
     let mut all = [three[0], three[1], three[2], fourth].map(|x| (x * 32767.0).round() as i16 as u16);
     // `scale` may be negative.
-        all.rotate_right((scale & 3) as usize + 1);
+    all.rotate_right((scale & 3) as usize + 1);
     all
 }

@@ -20,6 +20,9 @@ const MIPMAPS: u32 = 9987;
 /// A vertex of the file: those of the mesh and of its UVs, and the bits of its normal and of its colour with alpha.
 type Corner = (u32, u32, [u32; 3], [u32; 4]);
 
+/// What the triangles of a primitive share: their texture, and whether they blend, have normals, are seen from their front alone.
+type Kind = (Option<usize>, bool, bool, bool);
+
 /// The content of a .glb file. Colours and factors are linear in glTF, images are sRGB. A vertex is repeated for each of its UVs,
 /// normals and colours.
 ///
@@ -33,10 +36,10 @@ pub fn glb(written: &mut Written) -> Result<Vec<u8>> {
     {
         return Err(several_cells(*resolution, "glTF"));
     }
-    // Triangles of one texture that blend or do not, with normals or without.
-    let mut groups: BTreeMap<(Option<usize>, bool, bool), Vec<usize>> = BTreeMap::new();
+    let mut groups: BTreeMap<Kind, Vec<usize>> = BTreeMap::new();
     for t in 0..mesh.triangles().len() {
-        let group = (written.texture_of(t), written.opacity_of(t) < 1.0, written.normals_of(t).is_some());
+        let is_single = written.single_sided.get(t) == Some(&true);
+        let group = (written.texture_of(t), written.opacity_of(t) < 1.0, written.normals_of(t).is_some(), is_single);
         groups.entry(group).or_default().push(t);
     }
     let mut file = File::default();
@@ -55,11 +58,11 @@ struct File {
 }
 
 impl File {
-    /// Adds some triangles of one look: texture, whether they blend, and whether they have normals.
+    /// Adds some triangles of one kind.
     fn primitive(
         &mut self,
         written: &Written,
-        (texture, blends, has_normals): (Option<usize>, bool, bool),
+        (texture, blends, has_normals, is_single): Kind,
         group: &[usize],
     ) -> Result<Value> {
         let (mesh, appearance) = (&written.mesh, written.mesh.appearance());
@@ -110,7 +113,7 @@ impl File {
             (Appearance::Uniform([r, g, b]), _) => look["baseColorFactor"] = json!([r, g, b, 1.0]),
             _ => {}
         }
-        let material = self.material(look, blends, written.unlit);
+        let material = self.material(look, blends, is_single, written.unlit);
         let bytes: Vec<u8> = triangles.as_flattened().iter().flat_map(|i| i.to_le_bytes()).collect();
         let (view, count) = (self.view(&bytes), 3 * triangles.len());
         let accessor = json!({ "bufferView": view, "componentType": UNSIGNED, "count": count, "type": "SCALAR" });
@@ -152,10 +155,10 @@ impl File {
         accessor
     }
 
-    fn material(&mut self, mut look: Value, blends: bool, unlit: bool) -> usize {
+    fn material(&mut self, mut look: Value, blends: bool, is_single: bool, unlit: bool) -> usize {
         look["metallicFactor"] = 0.into();
         look["roughnessFactor"] = 1.into();
-        let mut material = json!({ "pbrMetallicRoughness": look, "doubleSided": true });
+        let mut material = json!({ "pbrMetallicRoughness": look, "doubleSided": !is_single });
         if blends {
             material["alphaMode"] = "BLEND".into();
         }

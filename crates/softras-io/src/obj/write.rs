@@ -18,9 +18,7 @@ use std::{
 /// [`Error::Mesh`] for what these formats cannot hold.
 pub fn files_of(mesh: &mut Written, path: &Path) -> Result<Vec<(PathBuf, Vec<u8>)>> {
     mesh.lose_single_normals();
-    if mesh.unlit {
-        mesh.lose("OBJ files do not say that light shades nothing: --unlit draws it so");
-    }
+    mesh.lose_light_and_sides();
     let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let materials = materials(mesh, &stem)?;
     let mut files = Vec::new();

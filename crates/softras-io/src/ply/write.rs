@@ -31,9 +31,7 @@ pub fn files_of(mesh: &mut Written, path: &Path) -> Result<Vec<(PathBuf, Vec<u8>
     if !mesh.opacity.is_empty() {
         mesh.lose("PLY files hold no opacity of triangles: all are opaque");
     }
-    if mesh.unlit {
-        mesh.lose("PLY files do not say that light shades nothing: --unlit draws it so");
-    }
+    mesh.lose_light_and_sides();
     files.push((path.into(), ply(mesh, &images)?));
     Ok(files)
 }

@@ -622,6 +622,21 @@ fn said(loaded: &Loaded) -> Vec<([Corner; 3], f32)> {
     all
 }
 
+/// Each corner's place and UV, in the file's order.
+fn spots(loaded: &Loaded) -> Vec<([f32; 3], [f32; 2])> {
+    corners(loaded).as_flattened().iter().map(|corner| (corner.place, corner.uv)).collect()
+}
+
+/// What a reader of others finds in an OBJ file. It begins a model at each material.
+fn read_by_tobj(path: &Path) -> Vec<([f32; 3], [f32; 2])> {
+    let (models, _) = tobj::load_obj(path, &tobj::LoadOptions::default()).unwrap();
+    let corner = |mesh: &tobj::Mesh, k: usize| {
+        let (place, uv) = (3 * mesh.indices[k] as usize, mesh.texcoord_indices.get(k).map(|&i| 2 * i as usize));
+        ([0, 1, 2].map(|k| mesh.positions[place + k]), uv.map_or([0.0; 2], |uv| [0, 1].map(|k| mesh.texcoords[uv + k])))
+    };
+    models.iter().flat_map(|model| (0..model.mesh.indices.len()).map(|k| corner(&model.mesh, k))).collect()
+}
+
 #[test]
 fn generated_files_pass_through_each_format() {
     let folder = folder();
@@ -636,14 +651,18 @@ fn generated_files_pass_through_each_format() {
             let again = read(&files.last().unwrap().0);
             let place = format!("seed {seed}, {name} as .{ending}: {notes:?}, {:?}", again.notes);
             let lost = |what: &str| notes.iter().any(|note| note.contains(what));
-            let known = ["light", "repeats", "opacity", "256 steps"];
+            let known = ["light", "front alone", "repeats", "opacity", "256 steps"];
             assert!(
                 again.notes.is_empty() && notes.iter().all(|note| known.iter().any(|part| note.contains(part))),
                 "{place}"
             );
             assert!(again.unlit == loaded.unlit || lost("light"), "{place}");
+            assert!(again.single_sided == loaded.single_sided || lost("front alone"), "{place}");
             let (before, after) = (said(&loaded), said(&again));
             assert_eq!(before.len(), after.len(), "{place}");
+            if ending == "obj" {
+                assert_eq!(read_by_tobj(&files.last().unwrap().0), spots(&again), "{place}");
+            }
             for ((a, opaque), (b, again)) in before.iter().zip(&after) {
                 assert!(opaque == again || lost("opacity"), "{place}");
                 for (a, b) in a.iter().zip(b) {

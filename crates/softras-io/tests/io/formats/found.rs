@@ -237,7 +237,7 @@ fn vertex_colours_stay_beside_textures() {
     })
     .unwrap();
     assert_eq!((at_corners(&loaded, 0), at_corners(&loaded, 1)), ([RGB[0]; 3], RGB));
-    assert_eq!(loaded.notes, [""; 0]);
+    assert!(loaded.notes.len() == 1 && loaded.notes[0].contains("lie on others"), "{:?}", loaded.notes);
     // Of one primitive, the product: here the texture is red.
     let product = changed(|root| {
         textured_by(root);
@@ -411,7 +411,7 @@ fn properties_of_ply_in_other_orders_and_types_are_read() {
     let two = format!(
         "comment TextureFile a.png\ncomment TextureFile b.png\n{xyz}element face 2\n{list}property list uchar float texcoord\nproperty int texnumber\n"
     );
-    let two = ply_text(&two, &format!("{points}3 0 1 2 6 0 0 0 0 0 0 0\n3 0 1 2 6 0 0 0 0 0 0 1\n")).unwrap();
+    let two = ply_text(&two, &format!("{points}3 0 1 2 6 0 0 0 0 0 0 0\n3 0 2 1 6 0 0 0 0 0 0 1\n")).unwrap();
     assert_eq!((at_corners(&two, 0), at_corners(&two, 1)), ([RGB[0]; 3], [RGB[2]; 3]));
     assert_eq!(two.notes, [""; 0]);
 }
@@ -980,4 +980,18 @@ fn notes_say_what_is_so() {
         primitive(root)["attributes"]["COLOR_0"] = json!(2);
     });
     assert!(even.unwrap().notes.iter().all(|note| !note.contains("averaged")));
+}
+
+/// A sheet whose front is red and whose back is blue, with vertices of their own.
+#[test]
+fn each_side_of_a_sheet_is_seen_from_its_own() {
+    let mtl = "newmtl a\nKd 1 0 0\nnewmtl b\nKd 0 0 1\n";
+    let read = |second: &str| {
+        let text = format!("mtllib m.mtl\n{V}{V}usemtl a\nf 1 2 3\n{second}\n");
+        let loaded = obj(&text, mtl).unwrap();
+        (loaded.single_sided, loaded.notes.join("; "))
+    };
+    assert_eq!(read("usemtl b\nf 6 5 4\nf 1 2 2"), (vec![true, true, false], String::new()));
+    assert_eq!(read("f 4 5 6\nf 3 2 1\nusemtl b\nv 1 1 1\nf 1 2 7\nf 1 1 2"), (vec![], String::new()));
+    assert!(read("usemtl b\nf 5 6 4").1.contains("1 triangles lie on others of another colour"));
 }
