@@ -11,6 +11,7 @@ use crate::{
 };
 use glam::DVec3;
 use softras::{Image, Mesh, Renderer, Result, Settings};
+use softras_io::Views;
 
 /// Vertices that are looked at, at most.
 const POINTS: usize = 4000;
@@ -36,7 +37,7 @@ pub fn leveled(subject: &mut Subject, mesh: &Mesh, settings: &Settings, work: &m
     if subject.views.color.is_none() {
         return Ok(());
     }
-    let sights = sights(subject, mesh, settings, work.renderer)?;
+    let sights = sights(&subject.views, mesh, settings, work.renderer)?;
     let count = subject.views.cameras.len();
     let channels = [0, 1, 2].map(|channel| gains(&sights, channel, count));
     let (before, after) = channels.iter().fold((0.0, 0.0), |sum, c| (sum.0 + c.1, sum.1 + c.2));
@@ -69,13 +70,8 @@ pub fn leveled(subject: &mut Subject, mesh: &Mesh, settings: &Settings, work: &m
 
 /// How much the colours of the views differ on a mesh: the mean, over points that several views see, of their standard deviation. `None`
 /// where no point tells.
-pub fn disagreement(
-    subject: &Subject,
-    mesh: &Mesh,
-    settings: &Settings,
-    renderer: &mut Renderer,
-) -> Result<Option<f64>> {
-    let mut sights = sights(subject, mesh, settings, renderer)?;
+pub fn disagreement(views: &Views, mesh: &Mesh, settings: &Settings, renderer: &mut Renderer) -> Result<Option<f64>> {
+    let mut sights = sights(views, mesh, settings, renderer)?;
     sights.retain(|sight| sight.log.max_element() < BRIGHTEST.ln());
     let deviation = |sights: &[Sight]| {
         let (colors, count) = (sights.iter().map(|sight| sight.log.exp()), sights.len() as f64);
@@ -87,8 +83,8 @@ pub fn disagreement(
     Ok((all.len() >= FEWEST).then(|| all.iter().sum::<f64>() / all.len() as f64))
 }
 
-fn sights(subject: &Subject, mesh: &Mesh, settings: &Settings, renderer: &mut Renderer) -> Result<Vec<Sight>> {
-    let seen = Seen::of(mesh, &subject.views, settings, renderer)?;
+fn sights(views: &Views, mesh: &Mesh, settings: &Settings, renderer: &mut Renderer) -> Result<Vec<Sight>> {
+    let seen = Seen::of(mesh, views, settings, renderer)?;
     let surface: Vec<(DVec3, DVec3)> = points(mesh).into_iter().zip(normals(mesh)).collect();
     let mut sights = Vec::new();
     for (point, (place, normal)) in surface.iter().step_by(surface.len().div_ceil(POINTS).max(1)).enumerate() {
@@ -96,7 +92,7 @@ fn sights(subject: &Subject, mesh: &Mesh, settings: &Settings, renderer: &mut Re
             let (color, _) = seen.by(view, *place, *normal)?;
             (color.min_element() > DARKEST).then(|| Sight { point, view, log: color.map(f64::ln) })
         };
-        let of_point: Vec<Sight> = (0..subject.views.cameras.len()).filter_map(log).collect();
+        let of_point: Vec<Sight> = (0..views.cameras.len()).filter_map(log).collect();
         // One view alone always agrees with itself.
         if of_point.len() > 1 {
             sights.extend(of_point);

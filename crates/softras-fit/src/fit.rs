@@ -78,11 +78,12 @@ impl Fit {
             if !options.keep_views {
                 doubt::settle(&mut subject, work.notes)?;
             }
-            if !options.keep_cameras && !options.keeps_shape() {
-                refine::refined(&mut subject, &mut work)?;
-            }
+            // Cameras of masks that are too wide would move to where colours agree better.
             if !options.keep_views {
                 width::narrowed(&mut subject, &mut work)?;
+            }
+            if !options.keep_cameras && !options.keeps_shape() {
+                refine::refined(&mut subject, &mut work)?;
             }
         }
         if subject.held_out.is_empty() {

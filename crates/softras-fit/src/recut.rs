@@ -8,9 +8,10 @@
 //! outlines.
 
 use crate::{
-    Fitting, ShapeFit, Topology, carved, evened, overlap, points,
-    scores::{mean, shape},
-    unseen::Unseen,
+    Fitting, ShapeFit, Topology, bad, carved, evened, overlap, points,
+    regions::holes,
+    scores::{genus, mean, shape},
+    unseen::{LEAST_PIXELS, Unseen},
     work::Work,
 };
 use softras::{Mesh, Renderer, Result, Settings};
@@ -26,6 +27,10 @@ const VOXELS: usize = 64;
 /// Lengths of the new mesh's edges as shares of the old one's, tried in this order until a mesh is better: long edges cut off thin
 /// parts that a cut leaves, such as a handle. A quarter gives sixteen times the triangles, some 20000 for the sphere.
 const EDGES: [f64; 3] = [1.0, 0.5, 0.25];
+/// Shorter edges than so many pixels are not tried after the first ones: pictures do not show what they add.
+const LEAST_EDGE: f64 = 0.75;
+/// A cut mesh has at most so many handles more than the pictures have holes: noise in masks makes hundreds.
+const MORE_HANDLES: usize = 8;
 /// The length of a trial as a share of all steps. A new mesh with fewer faults that is farther from the silhouettes is stepped so
 /// often, and then its loss is compared with that of the old mesh after as many steps. The optimiser has settled by then.
 const TRIAL: f64 = 0.05;
@@ -168,10 +173,14 @@ impl Fitting {
         let missing = self.run.targets.silhouette.as_ref().and_then(|silhouette| before.unseen.missing(silhouette));
         let (center, side) = self.subject.cube();
         let raw = carved(&self.run.targets, mesh, missing.as_ref(), center, side, self.subject.samples()?)?;
-        let mut made: Vec<(Mesh, Found)> = Vec::new();
+        self.check_handles(&raw, mesh)?;
+        let (mut made, edge): (Vec<(Mesh, Found)>, f64) = (Vec::new(), edge(mesh)?);
         for share in EDGES {
+            if share < 1.0 && share * edge < LEAST_EDGE * self.subject.pixel {
+                break;
+            }
             work.goes_on()?;
-            let new = evened(&raw, share * edge(mesh)?)?;
+            let new = evened(&raw, share * edge)?;
             let found = Found::of(&new, &self.run.targets, settings, work.renderer)?;
             let is_better = found.replaces(before);
             made.push((new, found));
@@ -180,6 +189,27 @@ impl Fitting {
             }
         }
         Ok(made)
+    }
+}
+
+impl Fitting {
+    /// Whether a mesh that replaces another has no more handles than that, or than holes of the pictures account for.
+    fn check_handles(&self, new: &Mesh, old: &Mesh) -> Result<()> {
+        let Some(silhouettes) = &self.run.targets.silhouette else { return Ok(()) };
+        let handles = |mesh: &Mesh| Ok::<_, softras::Error>(genus(mesh)?.1.unwrap_or_default());
+        let seen = |view: usize| {
+            let mask = silhouettes.view(view);
+            let all = holes((silhouettes.height, silhouettes.width), |pixel| mask[pixel] > 0.5);
+            all.iter().filter(|hole| hole.len() >= LEAST_PIXELS).count()
+        };
+        let (new, seen) = (handles(new)?, (0..silhouettes.batch).map(seen).sum::<usize>());
+        if new > handles(old)?.max(seen + MORE_HANDLES) {
+            return bad(
+                format!("a mesh of genus {new}, where the silhouettes show {seen} holes"),
+                "give cleaner masks",
+            );
+        }
+        Ok(())
     }
 }
 

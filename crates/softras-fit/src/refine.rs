@@ -1,13 +1,13 @@
-//! Cameras that are refined with the shape before a fit, where the silhouettes show that they are off.
+//! Cameras that are refined with the shape before a fit, where silhouettes or colours show that they are off.
 //!
 //! Each camera gets a rotation about the middle of the object and a translation, both in view space. They are moved together with a
-//! mesh by the gradients of the same loss, at half the resolution first. What all cameras do alike would move the object and not the
-//! views, so that their mean rotation, translation and distance are kept.
+//! mesh by the gradients of the same loss, at half the resolution first. A short trial there tells whether it is worth the time. What all
+//! cameras do alike would move the object and not the views, so that their mean rotation, translation and distance are kept.
 
 use crate::{
     ImageLoss, Method, Optimizer, Schedule, ShapeFit, ShapeOptions,
     cameras::{Sphere, scaled},
-    evened,
+    evened, exposure,
     hull::wide_hull,
     pooled,
     subject::Subject,
@@ -23,10 +23,19 @@ use softras_io::Views;
 
 /// Pixels that the hull may lie within the masks, in the mean along their outlines and beyond what samples leave, where cameras are right.
 const AGREED: f64 = 0.2;
-/// What is left of that where refined cameras are taken, at most.
+/// What is left of that where refined cameras are taken, at most, if there are no colours, and where all stages are worth
+/// their time.
 const MOST_LEFT: f64 = 0.5;
+const PROMISING: f64 = 0.75;
+/// What is left of the colours' disagreement where refined cameras are taken, at most.
+const MOST_COLORS_LEFT: f64 = 0.97;
+/// How much farther the hull may then lie within the masks, pixels.
+const FARTHER: f64 = 0.05;
 /// Views from which on a hull tells whether cameras are right.
 const FEWEST: usize = 6;
+/// Tells whether refined cameras agree better.
+const TRIAL: Stage =
+    Stage { shrink: 2, steps: 60, waits: 10, sigma: (3e-4, 1e-4), rate: (0.5, 0.1), edge: 3.0, turns: true };
 /// The first stage finds where each camera points. What its turn about the object changes is seen only once the shape and the
 /// colours are nearly right, so that is left to the second one.
 const STAGES: [Stage; 2] = [
@@ -34,7 +43,7 @@ const STAGES: [Stage; 2] = [
     Stage { shrink: 1, steps: 140, waits: 25, sigma: (1e-4, 1e-5), rate: (0.3, 0.02), edge: 1.5, turns: true },
 ];
 /// The smallest side of a picture of fewer pixels.
-const LEAST_SIDE: usize = 32;
+const LEAST_SIDE: usize = 64;
 /// How much larger the hull is that a stage begins with, as a multiple of the disagreement.
 const SLACK: f64 = 1.5;
 /// Step length of the mesh's vertices, in pixels of the pictures.
@@ -62,6 +71,30 @@ struct Stage {
     turns: bool,
 }
 
+/// How much views disagree.
+#[derive(Clone, Copy)]
+struct Disagreement {
+    /// How far their hull lies within the silhouettes, pixels in the mean along the outlines, beyond what samples leave.
+    masks: f64,
+    /// How much the colours of the views differ on the hull; `None` without colours.
+    colors: Option<f64>,
+}
+
+impl Disagreement {
+    /// Whether cameras with this one are to be taken in place of those that were given.
+    fn is_better(&self, given: &Self) -> bool {
+        match (self.colors, given.colors) {
+            (Some(after), Some(before)) => after <= MOST_COLORS_LEFT * before && self.masks <= given.masks + FARTHER,
+            _ => self.masks <= MOST_LEFT * given.masks,
+        }
+    }
+
+    /// Whether all stages are worth their time after a trial.
+    fn is_promising(&self, given: &Self) -> bool {
+        self.is_better(given) || self.masks <= PROMISING * given.masks
+    }
+}
+
 /// Refines the cameras of views that do not agree, and notes by how much.
 pub fn refined(subject: &mut Subject, work: &mut Work) -> Result<()> {
     let is_rigid = |camera: &Camera| camera.intrinsics((1, 1)).is_some();
@@ -71,32 +104,53 @@ pub fn refined(subject: &mut Subject, work: &mut Work) -> Result<()> {
     {
         return Ok(());
     }
-    work.begin(Part::Cameras, STAGES.iter().map(|stage| stage.steps).sum())?;
-    let Some((off, silhouette)) = disagreement(subject, &subject.views, work.renderer)? else { return Ok(()) };
+    work.begin(Part::Cameras, TRIAL.steps + STAGES.iter().map(|stage| stage.steps).sum::<usize>())?;
+    let Some((mut before, silhouette)) = disagreement(subject, &subject.views, work.renderer)? else { return Ok(()) };
     work.goes_on()?;
     // The silhouettes of a hull agree. What its own hull leaves open is due to samples, as where the object is thin.
     let of_hull = Views { cameras: subject.views.cameras.clone(), silhouette: Some(silhouette), ..Views::default() };
-    let by_samples = disagreement(subject, &of_hull, work.renderer)?.map_or(0.0, |(off, _)| off);
-    if off - by_samples < AGREED {
+    let by_samples = disagreement(subject, &of_hull, work.renderer)?.map_or(0.0, |(of_hull, _)| of_hull.masks);
+    before.masks -= by_samples;
+    if before.masks < AGREED && before.colors.is_none() {
         return Ok(());
     }
     let given = subject.views.cameras.clone();
-    let mut motions = Motions::new(&given, subject.bounds, subject.pixel);
-    for stage in STAGES {
-        if !stage.refine(&mut motions, subject, off, work)? {
-            return Ok(());
+    let (mut best, mut cameras, mut moved) = (before, given.clone(), 0.0);
+    for stages in [&[TRIAL][..], &STAGES] {
+        let mut motions = Motions::new(&given, subject.bounds, subject.pixel);
+        for stage in stages {
+            if !stage.refine(&mut motions, subject, before.masks.max(AGREED), work)? {
+                return Ok(());
+            }
+        }
+        subject.views.cameras = motions.cameras(&given)?;
+        let after = disagreement(subject, &subject.views, work.renderer)?;
+        let refined = std::mem::replace(&mut subject.views.cameras, given.clone());
+        let Some((mut after, _)) = after else { break };
+        after.masks -= by_samples;
+        if after.is_better(&before) {
+            (best, cameras, moved) = (after, refined, motions.mean());
+        }
+        if !after.is_promising(&before) {
+            break;
         }
     }
-    subject.views.cameras = motions.cameras(&given)?;
-    let after = disagreement(subject, &subject.views, work.renderer)?.map(|(after, _)| after);
-    if after.is_none_or(|after| after - by_samples > MOST_LEFT * (off - by_samples)) {
-        subject.views.cameras = given;
-        return Ok(());
+    if moved == 0.0 {
+        if before.masks >= AGREED {
+            let off = before.masks;
+            work.notes.push(format!("the hull lies {off:.1} pixels inside the silhouettes; cameras that were refined agree no better, and stay as given"));
+        }
+        return work.goes_on();
     }
-    let (mean, after) = (motions.mean(), after.unwrap_or_default());
+    subject.views.cameras = cameras;
+    let colors = best.colors.zip(before.colors);
+    let colors = colors.map_or(String::new(), |(after, before)| {
+        format!("; their colours differ by {after:.3} on it, before by {before:.3}")
+    });
     work.notes.push(format!(
-        "the cameras were off and are now refined: the object moved by {mean:.1} pixels (mean), and the hull lies {after:.1} pixels \
-         inside the silhouettes, before {off:.1}"
+        "the cameras were off and are now refined: the object moved by {moved:.1} pixels (mean), and the hull lies {:.1} pixels inside the \
+         silhouettes, before {:.1}{colors}",
+        best.masks, before.masks
     ));
     work.goes_on()
 }
@@ -157,12 +211,15 @@ pub fn settings(subject: &Subject) -> Settings {
     }
 }
 
-/// How far the hull of views lies within their silhouettes, pixels in the mean along the outlines, and its own silhouettes; `None`
-/// without a hull.
-fn disagreement(subject: &Subject, views: &Views, renderer: &mut Renderer) -> Result<Option<(f64, Image)>> {
+/// How much views of an object disagree on their hull, with what samples leave, and its own silhouettes; `None` without a hull.
+fn disagreement(subject: &Subject, views: &Views, renderer: &mut Renderer) -> Result<Option<(Disagreement, Image)>> {
     let Some(silhouettes) = &views.silhouette else { return Ok(None) };
     let (center, side) = subject.cube();
     let Ok(Some(hull)) = wide_hull(views, center, side, subject.samples()?, 0.0) else { return Ok(None) };
+    let colors = match views.color {
+        Some(_) => exposure::disagreement(views, &hull, &settings(subject), renderer)?,
+        None => None,
+    };
     let settings = hard(&settings(subject), views.size()?, 1);
     let mut shown = Image { data: Vec::with_capacity(silhouettes.data.len()), ..*silhouettes };
     parts::in_batches(renderer, &Scene::new(hull), &views.cameras, &settings, |_, frame| {
@@ -177,7 +234,7 @@ fn disagreement(subject: &Subject, views: &Views, renderer: &mut Renderer) -> Re
         let edges = |step: usize, i: &usize| i + step < target.len() && inside(*i) != inside(i + step);
         outline += (0..target.len()).filter(|i| edges(1, i) || edges(width, i)).count();
     }
-    Ok((outline > 0).then(|| (open as f64 / outline as f64, shown)))
+    Ok((outline > 0).then(|| (Disagreement { masks: open as f64 / outline as f64, colors }, shown)))
 }
 
 /// The views with fewer pixels, where they stay large enough.

@@ -12,7 +12,7 @@ use softras::{
 use softras_io::Views;
 
 /// Holes and parts of fewer pixels are not reported: they may come from how edges fall on pixels.
-const LEAST_PIXELS: usize = 8;
+pub const LEAST_PIXELS: usize = 8;
 /// The share of a hole or of a part that has to be wrong.
 const WRONG: f64 = 0.9;
 

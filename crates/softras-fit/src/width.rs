@@ -44,7 +44,7 @@ pub fn narrowed(subject: &mut Subject, work: &mut Work) -> Result<()> {
         let mut narrow = samples.clone();
         narrow.values.iter_mut().for_each(|x| *x -= (by * pixel) as f32);
         let Some(mesh) = narrow.mesh()? else { return Ok(None) };
-        disagreement(subject, &mesh, &settings(subject), work.renderer)
+        disagreement(&subject.views, &mesh, &settings(subject), work.renderer)
     };
     let Some(given) = differ(0.0)? else { return Ok(()) };
     let (mut best, mut by) = ((given, 0.0), 1.0);

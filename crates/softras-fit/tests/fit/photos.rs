@@ -267,7 +267,7 @@ fn a_fit_tells_what_it_does_from_the_first_second_on_and_can_be_ended_there() {
     let plan = "9 views of 48×48 pixels are fitted: 2 steps from their hull, then a texture; about ";
     assert!(plans.len() == 1 && plans[0].starts_with(plan), "{plans:?}");
     stages.dedup();
-    let order = [Stage::Views, Stage::Cameras, Stage::Masks, Stage::Start, Stage::Shape, Stage::Texture];
+    let order = [Stage::Views, Stage::Masks, Stage::Cameras, Stage::Start, Stage::Shape, Stage::Texture];
     assert_eq!(stages, order);
     for last in order {
         let mut hear = |event: Event<'_>| match event {

@@ -14,6 +14,9 @@ const ROUGHEST: f64 = 9.0;
 /// How far the background reaches from its model, in medians of the differences, and beside edges of a format that changes pixels.
 const REACH: f64 = 4.0;
 const LOSSY: f64 = 32.0;
+/// What such a format leaves beside edges on black waves around black. A dark surface does not: all pixels of a square differ by more.
+const WAVES: u8 = 6;
+const SQUARE: usize = 5;
 /// Backgrounds of one set that differ by more are not the same.
 const ALIKE: f64 = 48.0;
 /// Smaller parts and holes of a noisy picture's object, as shares of its area, are noise.
@@ -99,6 +102,12 @@ impl Plain {
             distances.extend(pixels.enumerate().map(|(column, pixel)| away(pixel, &along(column)).round() as u8));
         }
         let black = self.tolerance.min(254.0) as u8;
+        let is_dark = black == LOSSY as u8 && self.colors.iter().all(|channel| channel[0] < f64::from(WAVES));
+        let dark = if is_dark { dark_surfaces(&distances, size, black) } else { Vec::new() };
+        // From here on all of the background is 0.
+        let ground = distances.iter_mut().filter(|distance| **distance <= black);
+        ground.for_each(|distance| *distance = 0);
+        dark.into_iter().for_each(|(at, distance)| distances[at] = distance);
         // An edge before a real background is blurred, and one that was painted is not.
         let reach = if self.tolerance > 0.0 { 2 } else { 1 };
         let around = |column: usize, row: usize, reach: usize| {
@@ -109,12 +118,12 @@ impl Plain {
         };
         let alpha = |column: usize, row: usize| {
             let own = distances[row * width + column];
-            if own <= black {
+            if own == 0 {
                 return 0;
             }
             let (least, most) = around(column, row, reach);
-            let is_second = || around(column, row, 1).0 > black;
-            if least > black || 2 * u16::from(own) >= u16::from(most) && is_second() {
+            let is_second = || around(column, row, 1).0 > 0;
+            if least > 0 || 2 * u16::from(own) >= u16::from(most) && is_second() {
                 return 255;
             }
             (255.0 * f64::from(own) / f64::from(most)).round() as u8
@@ -182,6 +191,23 @@ impl Plain {
         let colors = [0, 1, 2].map(|k| [0, 1, 2, 3, 4, 5].map(|i| matrix[i][6 + k] / matrix[i][i]));
         colors.iter().flatten().all(|x| x.is_finite()).then(|| self.colors = colors)
     }
+}
+
+/// The pixels of dark surfaces, with their distances from black, among those that are `black` at most: they lie in a square of pixels
+/// that all differ from black.
+fn dark_surfaces(distances: &[u8], [width, height]: [usize; 2], black: u8) -> Vec<(usize, u8)> {
+    let around = |at: usize, from: usize, size: usize| at.saturating_sub(from)..(at + SQUARE - from).min(size);
+    let is_filled = |column: usize, row: usize| {
+        let (columns, mut rows) = (around(column, 0, width), around(row, 0, height));
+        rows.all(|row| distances[row * width..][columns.clone()].iter().all(|distance| *distance > WAVES))
+    };
+    let is_surface = |at: &usize| {
+        let (columns, mut rows) = (around(at % width, SQUARE - 1, width), around(at / width, SQUARE - 1, height));
+        let first = |at: usize, size: usize| at.min(size.saturating_sub(SQUARE));
+        rows.any(|row| columns.clone().any(|column| is_filled(first(column, width), first(row, height))))
+    };
+    let dim = (0..distances.len()).filter(|at| (WAVES + 1..=black).contains(&distances[*at]));
+    dim.filter(is_surface).map(|at| (at, distances[at])).collect()
 }
 
 fn terms([x, y]: [f64; 2]) -> [f64; 6] {
