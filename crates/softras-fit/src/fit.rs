@@ -69,7 +69,8 @@ impl Fit {
         work.goes_on()?;
         // Views that were rendered agree.
         let are_photographs = subject.truth.is_none() && options.preset != Preset::Official;
-        if are_photographs && let Some((crops, note)) = subject.views.cropped(options.crop)? {
+        let is_quick = options.preset == Preset::Quick;
+        if are_photographs && let Some((crops, note)) = subject.views.cropped(options.preset.crop(options.crop))? {
             subject = Subject { held_out: subject.held_out, ..Subject::of(crops)? };
             work.notes.push(note);
         }
@@ -79,11 +80,9 @@ impl Fit {
                 doubt::settle(&mut subject, work.notes)?;
             }
             // Cameras of masks that are too wide would move to where colours agree better.
-            if !options.keep_views {
-                width::narrowed(&mut subject, &mut work)?;
-            }
-            if !options.keep_cameras && !options.keeps_shape() {
-                refine::refined(&mut subject, &mut work)?;
+            let is_narrowed = !options.keep_views && !is_quick && width::narrowed(&mut subject, &mut work)?;
+            if !options.keep_cameras && !is_quick && !options.keeps_shape() {
+                refine::refined(&mut subject, is_narrowed, &mut work)?;
             }
         }
         if subject.held_out.is_empty() {
@@ -205,14 +204,19 @@ impl Fitting {
 
     /// The mesh of least loss; vertices that no fitted view sees have the colours of those beside them.
     fn colored(&self, renderer: &mut Renderer) -> Result<Mesh> {
-        let (mesh, given) = (self.found(), &self.setup.given);
+        let (mut mesh, given) = (self.found(), &self.setup.given);
         if matches!(given.template, Template::Mesh(_)) || given.preset == Preset::Official || !given.is_colored() {
             return Ok(mesh);
         }
         let settings = self.setup.settings(self.setup.iterations);
         let views = &self.run.targets;
         let all: Vec<usize> = (0..views.cameras.len()).collect();
-        Seen::of(&mesh, views, &settings, renderer)?.spread(mesh, &all)
+        let seen = Seen::of(&mesh, views, &settings, renderer)?;
+        // So few steps do not reach the colours, which the views show where no light is on them.
+        if given.preset == Preset::Quick && self.subject.lights.directional.is_empty() {
+            mesh = seen.painted(mesh, &all)?;
+        }
+        seen.spread(mesh, &all)
     }
 
     /// What the user should know: where the mesh was cut anew, why it begins with what it does, and more.

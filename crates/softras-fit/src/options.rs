@@ -11,6 +11,8 @@ use softras_io::Views;
 const HOLDS_OUT: usize = 12;
 /// The most views that are held out by default.
 const MOST_HELD_OUT: usize = 3;
+/// The most pixels along a side of crops for a first look.
+const QUICK_CROP: usize = 96;
 
 /// The mesh that a fit begins with.
 #[derive(Clone, Debug, Default)]
@@ -32,8 +34,21 @@ pub enum Preset {
     /// Smoothed parameters, a shrinking sigma, and steps that do not tear the surface.
     #[default]
     Smooth,
+    /// A first look: the hull after a few steps, with cameras, masks and topology as they are, in small crops.
+    Quick,
     /// The official demo: displacements in logit space, Adam with rate 0.01, sigma 1e-4, the template at half its size.
     Official,
+}
+
+impl Preset {
+    /// The most pixels along a side of crops, where `given` is asked for.
+    pub fn crop(self, given: usize) -> usize {
+        match self {
+            Self::Smooth => given,
+            Self::Quick => given.min(QUICK_CROP),
+            Self::Official => 0,
+        }
+    }
 }
 
 /// The method of a fit. Where a field is `None`, the fit chooses by its preset and its template.
@@ -65,7 +80,7 @@ pub struct FitOptions {
     pub hold_out: Option<usize>,
     /// The set of defaults.
     pub preset: Preset,
-    /// The number of steps; `None`: 500, and 150 from a hull.
+    /// The number of steps; `None`: 500, 150 from a hull, and 20 of a quick fit.
     pub iterations: Option<usize>,
     /// Step length of the vertices from the first to the last step, world units.
     pub rate: Option<(f64, f64)>,

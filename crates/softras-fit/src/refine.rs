@@ -27,8 +27,9 @@ const AGREED: f64 = 0.2;
 /// their time.
 const MOST_LEFT: f64 = 0.5;
 const PROMISING: f64 = 0.75;
-/// What is left of the colours' disagreement where refined cameras are taken, at most.
-const MOST_COLORS_LEFT: f64 = 0.97;
+/// What is left of the colours' disagreement where refined cameras are taken, at most: of masks as they were given, and of narrowed ones,
+/// whose hull is less near to the object.
+const MOST_COLORS_LEFT: [f64; 2] = [0.97, 0.88];
 /// How much farther the hull may then lie within the masks, pixels.
 const FARTHER: f64 = 0.05;
 /// Views from which on a hull tells whether cameras are right.
@@ -82,21 +83,22 @@ struct Disagreement {
 
 impl Disagreement {
     /// Whether cameras with this one are to be taken in place of those that were given.
-    fn is_better(&self, given: &Self) -> bool {
+    fn is_better(&self, given: &Self, is_narrowed: bool) -> bool {
+        let most = MOST_COLORS_LEFT[usize::from(is_narrowed)];
         match (self.colors, given.colors) {
-            (Some(after), Some(before)) => after <= MOST_COLORS_LEFT * before && self.masks <= given.masks + FARTHER,
+            (Some(after), Some(before)) => after <= most * before && self.masks <= given.masks + FARTHER,
             _ => self.masks <= MOST_LEFT * given.masks,
         }
     }
 
     /// Whether all stages are worth their time after a trial.
     fn is_promising(&self, given: &Self) -> bool {
-        self.is_better(given) || self.masks <= PROMISING * given.masks
+        self.is_better(given, false) || self.masks <= PROMISING * given.masks
     }
 }
 
-/// Refines the cameras of views that do not agree, and notes by how much.
-pub fn refined(subject: &mut Subject, work: &mut Work) -> Result<()> {
+/// Refines the cameras of views that do not agree, and notes by how much. Their masks may have been narrowed.
+pub fn refined(subject: &mut Subject, is_narrowed: bool, work: &mut Work) -> Result<()> {
     let is_rigid = |camera: &Camera| camera.intrinsics((1, 1)).is_some();
     if subject.views.silhouette.is_none()
         || subject.views.cameras.len() < FEWEST
@@ -128,7 +130,7 @@ pub fn refined(subject: &mut Subject, work: &mut Work) -> Result<()> {
         let refined = std::mem::replace(&mut subject.views.cameras, given.clone());
         let Some((mut after, _)) = after else { break };
         after.masks -= by_samples;
-        if after.is_better(&before) {
+        if after.is_better(&before, is_narrowed) {
             (best, cameras, moved) = (after, refined, motions.mean());
         }
         if !after.is_promising(&before) {

@@ -106,6 +106,17 @@ impl<'a> Seen<'a> {
         Some(sum / weight)
     }
 
+    /// The mesh with the colours that some views show of its vertices.
+    pub fn painted(&self, mesh: Mesh, some: &[usize]) -> Result<Mesh> {
+        let Appearance::VertexColors(colors) = mesh.appearance() else { return Ok(mesh) };
+        let surface = points(&mesh).into_iter().zip(normals(&mesh)).zip(colors);
+        let one = |((point, normal), color): ((DVec3, DVec3), &[f32; 3])| {
+            self.color(some, point, normal).map_or(*color, |shown| shown.as_vec3().to_array())
+        };
+        let colors = surface.map(one).collect();
+        mesh.with_appearance(Appearance::VertexColors(colors))
+    }
+
     /// The mesh where each vertex that none of some views sees has the mean colour of its neighbours. A part of which no vertex is seen
     /// keeps its colours.
     pub fn spread(&self, mesh: Mesh, some: &[usize]) -> Result<Mesh> {

@@ -15,6 +15,7 @@ use softras::{
 /// Steps of a fit that begins with a sphere, and with a hull.
 const ITERATIONS: usize = 500;
 const HULL_ITERATIONS: usize = 150;
+const QUICK_ITERATIONS: usize = 20;
 /// The length of edges after remeshing, in pixels.
 const EDGE: f64 = 1.5;
 /// Shares of the steps before which the topology is tested. By the first the mesh has reached the outlines, so that background that
@@ -66,7 +67,8 @@ impl Setup {
         let (from, to) = given.edge.unwrap_or((EDGE, EDGE));
         let iterations = iterations(&given, begin.hull);
         // A given mesh keeps its triangles, since that may be the purpose of the fit, and the official method never cuts.
-        let recuts = !(given.keep_topology || official || matches!(given.template, Template::Mesh(_)));
+        let is_plain = given.preset != Preset::Smooth;
+        let recuts = !(given.keep_topology || is_plain || matches!(given.template, Template::Mesh(_)));
         Ok(Self {
             options: shape_options(&given, official, &begin, subject),
             template: begin.mesh,
@@ -142,7 +144,11 @@ impl Setup {
 
 /// The number of steps from a hull, or from another mesh.
 pub fn iterations(given: &FitOptions, hull: bool) -> usize {
-    given.iterations.unwrap_or(if hull { HULL_ITERATIONS } else { ITERATIONS })
+    given.iterations.unwrap_or(match given.preset {
+        Preset::Quick => QUICK_ITERATIONS,
+        _ if hull => HULL_ITERATIONS,
+        _ => ITERATIONS,
+    })
 }
 
 /// The radius that the cameras of the official data see around the origin; rates are for objects of this size.

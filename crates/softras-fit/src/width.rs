@@ -27,15 +27,15 @@ const SAMPLES: f64 = 0.6;
 const LEAST: usize = 16;
 const FINEST: usize = 112;
 
-/// Narrows the masks of all views by as many pixels as make the colours agree best on their hull, and notes it.
-pub fn narrowed(subject: &mut Subject, work: &mut Work) -> Result<()> {
+/// Narrows the masks of all views by as many pixels as make the colours agree best on their hull, and notes it. Returns whether it did.
+pub fn narrowed(subject: &mut Subject, work: &mut Work) -> Result<bool> {
     if subject.views.color.is_none() || subject.views.cameras.len() < FEWEST {
-        return Ok(());
+        return Ok(false);
     }
     work.begin(Stage::Masks, 0)?;
     let ((center, side), pixel) = (subject.cube(), subject.pixel);
     let of_hull = |resolution: usize| hull(&views(&subject.views, 1)?, center, side, resolution, 0.0);
-    let Ok(rough) = of_hull(LEAST) else { return Ok(()) };
+    let Ok(rough) = of_hull(LEAST) else { return Ok(false) };
     let extent = LEAST as f64 * rough.step / pixel;
     let samples = of_hull(((SAMPLES * extent) as usize).clamp(LEAST, FINEST))?;
     // The hull of narrower masks is where the samples are larger.
@@ -46,7 +46,7 @@ pub fn narrowed(subject: &mut Subject, work: &mut Work) -> Result<()> {
         let Some(mesh) = narrow.mesh()? else { return Ok(None) };
         disagreement(&subject.views, &mesh, &settings(subject), work.renderer)
     };
-    let Some(given) = differ(0.0)? else { return Ok(()) };
+    let Some(given) = differ(0.0)? else { return Ok(false) };
     let (mut best, mut by) = ((given, 0.0), 1.0);
     while by <= MOST
         && let Some(left) = differ(by)?
@@ -61,14 +61,14 @@ pub fn narrowed(subject: &mut Subject, work: &mut Work) -> Result<()> {
     }
     let (left, by) = best;
     if by == 0.0 || left > MOST_LEFT * given {
-        return Ok(());
+        return Ok(false);
     }
     narrow(&mut subject.views, by)?;
     work.notes.push(format!(
         "the masks are wider than the object: narrowed by {by} pixels, the colours of the views differ by {left:.3} on their hull, before by \
          {given:.3}"
     ));
-    work.goes_on()
+    work.goes_on().map(|()| true)
 }
 
 /// Takes so many pixels off the masks' rims, and their colours.

@@ -99,7 +99,11 @@ impl Plan<'_> {
             template: own.unwrap_or(begin),
             color: self.fit_colors,
             texture: self.texture,
-            preset: chosen("method", &self.method, &[("smooth", Preset::Smooth), ("official", Preset::Official)])?,
+            preset: chosen(
+                "method",
+                &self.method,
+                &[("smooth", Preset::Smooth), ("quick", Preset::Quick), ("official", Preset::Official)],
+            )?,
             iterations: self.steps,
             rate: self.rate,
             sigma: self.sigma,

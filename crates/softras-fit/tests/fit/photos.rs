@@ -5,7 +5,7 @@ use crate::doubt::{around, solid, views};
 use crate::meshes::{PERSPECTIVE, mapped};
 use glam::{DMat4, DVec3};
 use softras::{Camera, Mesh, Projection, Renderer, Scene, Settings, scene::Appearance, shapes};
-use softras_fit::{Event, Film, Fit, FitOptions, Fitted, Stage, Told, Voxels};
+use softras_fit::{Event, Film, Fit, FitOptions, Fitted, Preset, Stage, Told, Voxels};
 use softras_io::{PictureFile, Views};
 use std::ops::ControlFlow;
 
@@ -219,6 +219,22 @@ fn cameras_that_are_turned_about_the_object_are_refined_by_colours() {
     };
     let (before, after) = (mean(&off.cameras), mean(&fitted.views.cameras));
     assert!(after < 0.5 * before, "{after} radians, before {before}: {:?}", fitted.notes);
+}
+
+#[test]
+fn a_quick_fit_is_near_after_a_few_steps() {
+    let mut renderer = renderer();
+    let halves = |p: [f32; 3]| if p[1] > 0.0 { [0.8, 0.2, 0.2] } else { [0.2, 0.2, 0.8] };
+    let views = colored(&mut renderer, around(12), 160, halves);
+    let quick = Fit::new(views).unwrap().color().options(FitOptions {
+        preset: Preset::Quick,
+        color: true,
+        ..FitOptions::default()
+    });
+    let fitted = quick.run(&mut renderer, |_| ControlFlow::Continue(())).unwrap();
+    assert_eq!((fitted.steps.len(), fitted.views.size().unwrap()), (20, (96, 96)));
+    let (iou, error) = (fitted.scores.held_out_mask_iou().unwrap(), fitted.scores.color.unwrap());
+    assert!(iou > 0.97 && error < 0.1, "{iou} {error}");
 }
 
 #[test]

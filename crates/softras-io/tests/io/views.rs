@@ -237,6 +237,26 @@ fn plain_backgrounds_of_any_colour_are_cut_away() {
 }
 
 #[test]
+fn dark_surfaces_before_black_are_no_background_in_a_format_that_changes_pixels() {
+    use image::{Rgb, RgbImage};
+    // A bright disc with a dark fin.
+    let is_disc = |x: u32, y: u32| (f64::from(x) - 70.0).hypot(f64::from(y) - 60.0) < 30.0;
+    let is_fin = |x: u32, y: u32| (95..135).contains(&x) && (50..72).contains(&y);
+    let color = |x: u32, y: u32| match (is_disc(x, y), is_fin(x, y)) {
+        (true, _) => [230, 140, 40],
+        (_, true) => [18, 18, 22],
+        _ => [0; 3],
+    };
+    let folder = tempfile::tempdir().unwrap();
+    RgbImage::from_fn(160, 120, |x, y| Rgb(color(x, y))).save(folder.path().join("a.jpg")).unwrap();
+    transforms(folder.path(), &["a.jpg"], "");
+    let found = silhouette(&read(folder.path()).0);
+    let truth = (0..120).flat_map(|y| (0..160).map(move |x| is_disc(x, y) || is_fin(x, y)));
+    let wrong = found.into_iter().zip(truth).filter(|(a, b)| a != b).count();
+    assert!(wrong < 80, "{wrong} of 160×120 pixels are wrong");
+}
+
+#[test]
 fn numbers_of_arrays_are_what_their_type_and_range_say() {
     use softras_io::npy;
     let folder = tempfile::tempdir().unwrap();

@@ -145,7 +145,8 @@ class Views:
 
         `color` fits a colour for each vertex, `texture` a texture of at most so many texels a side. The fit begins with `template`, or
         with `begin`: a "hull", a "sphere", or "auto", a hull from eight views on. The default of an argument of None depends on the
-        method and on the mesh that the fit begins with. Views that disagree with the others are left out, and holes that only one mask
+        method and on the mesh that the fit begins with. `method` is "smooth", "quick" (a first look: 20 steps, with cameras, masks and
+        topology as they are) or "official" (the demo's). Views that disagree with the others are left out, and holes that only one mask
         shows are filled, each with a note, unless `keep_views`. Cameras that disagree with the silhouettes are refined, with a note,
         unless `keep_cameras`. Exposures that differ are leveled unless `keep_exposure`. Large pictures are cropped to the object, to at
         most `crop` pixels a side; 0 keeps them as they are. A texture is taken from the pictures as given. `hold_out` views are not

@@ -190,7 +190,7 @@ impl FitArgs {
             normals: self.targets.normals.clone(),
             allow_outside: self.read.allow_outside,
             bytes_per_pixel: 48 + 64 * samples * samples,
-            crop: if self.method.preset == Preset::Official { 0 } else { self.targets.crop },
+            crop: softras_fit::Preset::from(self.method.preset).crop(self.targets.crop as usize) as u32,
             detail: if self.texture { self.method.texture_size } else { 0 },
         }
     }
@@ -269,7 +269,7 @@ impl FitArgs {
 }
 
 mode!(Lighting => softras_fit::Lighting { None => None, Flat => Flat, Smooth => Smooth });
-mode!(Preset => softras_fit::Preset { Smooth => Smooth, Official => Official });
+mode!(Preset => softras_fit::Preset { Smooth => Smooth, Quick => Quick, Official => Official });
 mode!(Scheme => Subdivision { Midpoint => Midpoint, Loop => Loop });
 mode!(Map => softras_io::Map { Depth => Depth, Normal => Normal });
 mode!(Loss => ImageLoss { Iou => NegativeIou, L1 => L1, L2 => L2 });
@@ -278,10 +278,20 @@ mode!(Loss => ImageLoss { Iou => NegativeIou, L1 => L1, L2 => L2 });
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Method")]
 pub struct MethodArgs {
-    /// The defaults: smooth, or official (paper)
-    #[arg(long, value_enum, value_name = "PRESET", default_value = "smooth", hide_possible_values = true)]
+    /// The defaults: smooth, quick, or official (paper)
+    #[arg(
+        long,
+        value_enum,
+        value_name = "PRESET",
+        default_value = "smooth",
+        default_value_if("quick", "true", "quick")
+    )]
+    #[arg(hide_possible_values = true)]
     pub preset: Preset,
-    /// Number of steps [default: 500, and 150 from a hull]
+    /// A first look: the hull after 20 steps (as --preset quick)
+    #[arg(long, conflicts_with = "preset")]
+    pub quick: bool,
+    /// Number of steps [default: 500, 150 from a hull, and 20 of a quick fit]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     pub iterations: Option<u32>,
     /// Begin with a sphere of so many subdivisions [default: 3, or 4 from six views on]
