@@ -282,6 +282,8 @@ FAULTS = [
      ["gradient::living::memory_follows"]),
     ("validation: every message accepted", "src/vulkan/own/validation.rs", "id == *accepted && text.contains(about)",
      "id != *accepted || text.contains(about)", ["unit vulkan::own::validation::"]),
+    ("an object file is opened as a driver", "src/vulkan/own/loader.rs", "file[16].max(file[17]) != 3", "file[16].max(file[17]) > 3",
+     ["robustness::drivers::a_file"]),
     ("further cells without their kernel", "glsl/triangle.comp", "if (more > 0u || uint(size.x", "if (uint(size.x",
      ["gradient::room::thin"]),
     ("kernels for thin triangles never asked for", "src/embed/status.rs", "(rare.thin || self.thin_tiles == 0)",

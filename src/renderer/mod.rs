@@ -76,8 +76,8 @@ impl Renderer {
     /// Opens the device that `SOFTRAS_DEVICE` names (index or part of the name), else the best one.
     ///
     /// # Errors
-    /// [`Error::NoDevice`] without a Vulkan loader, driver or suitable device; [`Error::File`], [`Error::Io`] for what
-    /// SOFTRAS_DRIVER names; [`Error::Vulkan`].
+    /// [`Error::NoDevice`] without a Vulkan loader, driver or suitable device; [`Error::File`] for what SOFTRAS_DRIVER names;
+    /// [`Error::Vulkan`].
     pub fn new() -> Result<Self> {
         Self::with_options(&RendererOptions::default())
     }
@@ -124,7 +124,7 @@ impl Renderer {
     /// The Vulkan devices of this machine, suitable or not, by the indices that [`RendererOptions::device`] takes.
     ///
     /// # Errors
-    /// [`Error::NoDevice`] without a Vulkan loader or driver; [`Error::File`], [`Error::Io`] for what SOFTRAS_DRIVER names;
+    /// [`Error::NoDevice`] without a Vulkan loader or driver; [`Error::File`] for what SOFTRAS_DRIVER names;
     /// [`Error::Vulkan`].
     pub fn devices() -> Result<Vec<DeviceInfo>> {
         Context::devices(None)

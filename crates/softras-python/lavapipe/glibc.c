@@ -13,8 +13,19 @@ int fstat(int file, struct stat *found) { return syscall(SYS_fstat, file, found)
 int stat64(const char *path, struct stat64 *found) { return syscall(SYS_stat, path, found); }
 int lstat64(const char *path, struct stat64 *found) { return syscall(SYS_lstat, path, found); }
 int fstat64(int file, struct stat64 *found) { return syscall(SYS_fstat, file, found); }
+int fstatat64(int folder, const char *path, struct stat64 *found, int flags) {
+    return syscall(SYS_newfstatat, folder, path, found, flags);
+}
 int mknod(const char *path, mode_t mode, dev_t device) { return syscall(SYS_mknod, path, mode, device); }
+int fcntl64(int file, int command, long value) { return syscall(SYS_fcntl, file, command, value); }
 pid_t gettid(void) { return syscall(SYS_gettid); }
+
+// LLVM names temporary files by it.
+unsigned arc4random(void) {
+    unsigned number = 0;
+    syscall(SYS_getrandom, &number, sizeof number, 0);
+    return number;
+}
 
 // The standard library takes locks unless it is true.
 char __libc_single_threaded = 0;

@@ -115,7 +115,7 @@ fn packaged(py: Python<'_>) -> PyResult<Option<Loader>> {
 fn with_package(error: Error) -> Error {
     match error {
         Error::NoDevice { what, fix } if cfg!(all(target_os = "linux", target_arch = "x86_64")) => {
-            Error::NoDevice { what, fix: format!("pip install softras[cpu], or {fix}") }
+            Error::NoDevice { what, fix: format!("install the package softras-lavapipe (softras[cpu]), or {fix}") }
         }
         other => other,
     }

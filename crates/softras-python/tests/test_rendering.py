@@ -262,7 +262,7 @@ def test_a_missing_driver_names_the_package():
     result = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, timeout=120)
     assert "mesa-vulkan-drivers" in result.stdout, result.stdout + result.stderr
     if sys.platform == "linux" and platform.machine() == "x86_64":
-        assert 0 < result.stdout.index("pip install softras[cpu]") < result.stdout.index("mesa-vulkan-drivers"), result.stdout
+        assert 0 < result.stdout.index("softras-lavapipe (softras[cpu])") < result.stdout.index("mesa-vulkan-drivers"), result.stdout
 
 
 def test_a_packaged_driver_takes_the_place_of_a_missing_one(tmp_path):

@@ -39,15 +39,15 @@ impl Loader {
     /// open until the process ends.
     ///
     /// # Errors
-    /// [`Error::File`] for what is no Vulkan driver for this machine, or is too old; [`Error::Io`].
+    /// [`Error::File`] for what is missing, is no Vulkan driver for this machine, or is too old.
     pub fn driver(path: impl AsRef<Path>) -> Result<Self> {
         // With a folder in front of it, the system looks nowhere else.
-        let path = std::path::absolute(&path).map_err(|source| Error::Io { path: path.as_ref().to_owned(), source })?;
+        let path = std::path::absolute(&path).unwrap_or_else(|_| path.as_ref().to_owned());
         let fail =
             |what: String, fix: &str| Err(Error::File { path: path.clone(), line: None, what, fix: fix.to_string() });
         let no_driver =
             "name the shared library of a Vulkan driver for this processor, such as Mesa's libvulkan_lvp.so";
-        if let Some(what) = foreign(&path)? {
+        if let Some(what) = foreign(&path).unwrap_or_else(|e| Some(format!("it cannot be read ({e})"))) {
             return fail(what, no_driver);
         }
         // SAFETY: the user names the file as a driver, as VK_DRIVER_FILES names those that the loader opens.
@@ -77,7 +77,13 @@ impl Loader {
 
     /// The driver that SOFTRAS_DRIVER names.
     pub(super) fn by_environment() -> Result<Option<Self>> {
-        std::env::var_os("SOFTRAS_DRIVER").filter(|file| !file.is_empty()).map(Self::driver).transpose()
+        let file = std::env::var_os("SOFTRAS_DRIVER").filter(|file| !file.is_empty());
+        file.map(Self::driver).transpose().map_err(|error| match error {
+            Error::File { path, line, what, fix } => {
+                Error::File { path, line, what, fix: format!("{fix}, or unset SOFTRAS_DRIVER") }
+            }
+            other => other,
+        })
     }
 
     /// Its devices, suitable or not, as [`Renderer::devices`](crate::Renderer::devices).
@@ -124,12 +130,13 @@ pub(super) fn system_entry() -> Result<ash::Entry> {
 }
 
 /// Why this machine cannot open a file, by its first bytes: the C library only says that it does not exist.
-fn foreign(path: &Path) -> Result<Option<String>> {
-    let file = header(path).map_err(|source| Error::Io { path: path.to_owned(), source })?;
+fn foreign(path: &Path) -> std::io::Result<Option<String>> {
+    let file = header(path)?;
     let Some(own) = std::env::current_exe().and_then(|own| header(&own)).ok().filter(|header| is_elf(header)) else {
         return Ok(None);
     };
-    if !is_elf(&file) {
+    // The type 3 is a shared library, in either order of bytes.
+    if !is_elf(&file) || file[16].max(file[17]) != 3 {
         return Ok(Some("it is no shared library".to_string()));
     }
     let machine = |header: &[u8]| u16::from_le_bytes([header[18], header[19]]);
@@ -170,6 +177,8 @@ fn is_elf(header: &[u8]) -> bool {
 /// A processor by its number in ELF files.
 fn processor(number: u16) -> String {
     match number {
+        3 => "32-bit x86".to_string(),
+        40 => "32-bit ARM".to_string(),
         62 => "x86-64".to_string(),
         183 => "AArch64".to_string(),
         other => format!("another processor (ELF machine {other})"),

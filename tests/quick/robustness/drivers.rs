@@ -2,7 +2,7 @@
 
 use crate::common::renderer;
 use softras::{Error, Loader, Projection, Renderer, RendererOptions, Scene, Settings, shapes};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// The files that this process has mapped: its program, the C library, and the drivers once there was a device.
 fn mapped() -> Vec<PathBuf> {
@@ -56,9 +56,13 @@ fn a_file_that_is_no_driver_is_an_error_that_says_why() {
     let cases = [
         (path("notes.txt"), "it is no shared library", name_one),
         (path("empty.so"), "it is no shared library", name_one),
+        (path("missing.so"), "it cannot be read (", name_one),
+        // The type is at 16; 1 is what a compiler writes.
+        (with("object.o", &|bytes| bytes[16] = 1), "it is no shared library", name_one),
         (folder.path().to_owned(), "it is no shared library", name_one),
         // The machine's number is at 18; 183 is AArch64, 2 an old SPARC. The class, 32 or 64 bits, is at 4.
         (with("arm.so", &|bytes| bytes[18] ^= 62 ^ 183), "it is for ", name_one),
+        (with("i386.so", &|bytes| bytes[18] = 3), "it is for 32-bit x86, this program", name_one),
         (
             with("sparc.so", &|bytes| bytes[18] = 2),
             "it is for another processor (ELF machine 2), this program",
@@ -76,6 +80,6 @@ fn a_file_that_is_no_driver_is_an_error_that_says_why() {
         assert!(matches!(&error, Error::File { path, .. } if *path == file), "{error:?}");
         assert!(text.contains(what) && text.contains(fix), "{text}");
     }
-    let missing = Loader::driver(Path::new("no/such/driver.so")).unwrap_err();
-    assert!(matches!(&missing, Error::Io { path, .. } if path.is_absolute()), "{missing:?}");
+    let missing = Loader::driver("no/such/driver.so").unwrap_err();
+    assert!(matches!(&missing, Error::File { path, .. } if path.is_absolute()), "{missing:?}");
 }

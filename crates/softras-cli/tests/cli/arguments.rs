@@ -86,7 +86,8 @@ fn devices_are_listed_for_people_and_programs() {
     let mut command = Command::new(env!("CARGO_BIN_EXE_softras"));
     let output = command.current_dir(folder.path()).env("SOFTRAS_DRIVER", "notes.txt").arg("devices").output().unwrap();
     let error = String::from_utf8(output.stderr).unwrap();
-    assert!(output.status.code() == Some(1) && error.contains("notes.txt"), "{error}");
+    assert!(output.status.code() == Some(1), "{error}");
+    assert!(error.contains("notes.txt") && error.contains("or unset SOFTRAS_DRIVER"), "{error}");
 }
 
 #[test]
