@@ -14,8 +14,8 @@ use std::time::Instant;
 
 /// Views of the steps that are timed, at most.
 const TIMED: usize = 4;
-/// The whole fit's time as a multiple of that of its steps, about.
-const WHOLE: f64 = 1.5;
+/// The whole fit's time as a multiple of that of its steps by a sphere, about: a hull has more triangles, and comes first.
+const WHOLE: f64 = 2.5;
 
 /// Tells what the fit is going to do, and about how long that takes, by a step that is timed.
 pub fn tell(options: &FitOptions, subject: &Subject, work: &mut Work) -> Result<()> {
