@@ -132,7 +132,14 @@ impl Mesh {
     pub fn new(positions: Vec<[f32; 3]>, triangles: Vec<[u32; 3]>) -> Result<Self> {
         validate_positions(&positions)?;
         validate_indices(&triangles, positions.len(), "vertex")?;
-        let mut corners = vec![0u32; positions.len()];
+        // Files are read in any memory: this vector may be what no longer fits.
+        let mut corners: Vec<u32> = Vec::new();
+        corners.try_reserve_exact(positions.len()).map_err(|_| Error::OutOfMemory {
+            what: "the corners of each vertex".into(),
+            bytes: 4 * positions.len() as u64,
+            fix: "use a smaller mesh".into(),
+        })?;
+        corners.resize(positions.len(), 0);
         triangles.iter().flatten().for_each(|&vertex| corners[vertex as usize] += 1);
         let all_used = corners.iter().all(|&n| n > 0);
         let most_corners = corners.into_iter().max().unwrap_or(0);

@@ -240,6 +240,13 @@ fn missing_cameras_show_what_they_look_like() {
     fails(folder.path(), &["fit", "--views", "photos", "-o", "out.obj"], 1, &parts);
 }
 
+/// Sends what Ctrl-C sends, by the shell's own command: a bare Debian has no program for it.
+#[cfg(unix)]
+fn interrupt(child: &std::process::Child) {
+    let kill = format!("kill -INT {}", child.id());
+    assert!(std::process::Command::new("sh").args(["-c", &kill]).status().unwrap().success());
+}
+
 #[cfg(unix)]
 #[test]
 fn an_interrupted_fit_writes_its_best_and_exits_with_130() {
@@ -256,8 +263,7 @@ fn an_interrupted_fit_writes_its_best_and_exits_with_130() {
         assert!(child.try_wait().unwrap().is_none(), "ended by itself");
         std::thread::sleep(std::time::Duration::from_millis(20));
     }
-    let interrupted = std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
-    assert!(interrupted.success());
+    interrupt(&child);
     assert_eq!(child.wait().unwrap().code(), Some(130));
     assert!(std::fs::read_to_string(folder.path().join("out.obj")).unwrap().lines().any(|line| line.starts_with("f ")));
 }
@@ -276,8 +282,7 @@ fn a_fit_can_be_interrupted_before_its_first_step() {
         .unwrap();
     let mut lines = std::io::BufReader::new(child.stderr.take().unwrap()).lines().map(Result::unwrap);
     assert!(lines.any(|line| line.starts_with("progress: hull")));
-    let interrupted = std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
-    assert!(interrupted.success());
+    interrupt(&child);
     assert!(lines.any(|line| line.contains("interrupted before the first step")));
     assert_eq!(child.wait().unwrap().code(), Some(130));
     assert!(!folder.path().join("out.obj").exists());
