@@ -14,9 +14,11 @@ const ROUGHEST: f64 = 9.0;
 /// How far the background reaches from its model, in medians of the differences, and beside edges of a format that changes pixels.
 const REACH: f64 = 4.0;
 const LOSSY: f64 = 32.0;
-/// What such a format leaves beside edges on black waves around black. A dark surface does not: all pixels of a square differ by more.
+/// What such a format leaves beside edges on black waves around black. A dark surface does not: all pixels of a square differ by more,
+/// and most of them are dark, as they are not at the blurred edge of a bright one.
 const WAVES: u8 = 6;
 const SQUARE: usize = 5;
+const LEAST_DARK: usize = 18;
 /// Backgrounds of one set that differ by more are not the same.
 const ALIKE: f64 = 48.0;
 /// Smaller parts and holes of a noisy picture's object, as shares of its area, are noise.
@@ -193,13 +195,14 @@ impl Plain {
     }
 }
 
-/// The pixels of dark surfaces, with their distances from black, among those that are `black` at most: they lie in a square of pixels
-/// that all differ from black.
+/// The pixels of dark surfaces, with their distances from black, among those that are `black` at most: they lie in a square of such
+/// pixels.
 fn dark_surfaces(distances: &[u8], [width, height]: [usize; 2], black: u8) -> Vec<(usize, u8)> {
     let around = |at: usize, from: usize, size: usize| at.saturating_sub(from)..(at + SQUARE - from).min(size);
     let is_filled = |column: usize, row: usize| {
-        let (columns, mut rows) = (around(column, 0, width), around(row, 0, height));
-        rows.all(|row| distances[row * width..][columns.clone()].iter().all(|distance| *distance > WAVES))
+        let columns = around(column, 0, width);
+        let own = || around(row, 0, height).flat_map(|row| &distances[row * width..][columns.clone()]);
+        own().all(|distance| *distance > WAVES) && own().filter(|distance| **distance <= black).count() >= LEAST_DARK
     };
     let is_surface = |at: &usize| {
         let (columns, mut rows) = (around(at % width, SQUARE - 1, width), around(at / width, SQUARE - 1, height));
