@@ -88,8 +88,7 @@ pub fn load(path: impl AsRef<Path>) -> Result<Mesh> {
 ///
 /// # Errors
 /// [`Error::Io`] when the file cannot be read; [`Error::File`] for other formats, and with the line for what leaves no mesh to
-/// trust: a coordinate that is malformed or not finite, an index out of range, no faces at all; under [`LoadOptions::strict`]
-/// for every note.
+/// trust: a file that is cut off, no faces at all; under [`LoadOptions::strict`] for every note.
 ///
 /// [`Textured`]: softras::scene::Appearance::Textured
 /// [`VertexColors`]: softras::scene::Appearance::VertexColors

@@ -12,6 +12,9 @@ pub const FIX: &str = "triangulate it in a modelling program";
 /// The note on polygons that are not simple.
 pub const NOT_SIMPLE: &str = "polygons that cross themselves or have no area are not tiled exactly";
 
+/// The note on polygons that cannot be placed.
+pub const STRAYS: &str = "faces with corners that are no vertices of the file are left out";
+
 /// A polygon's triangles.
 pub struct Cut {
     /// Corner numbers; always two triangles fewer than corners.

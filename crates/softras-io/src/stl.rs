@@ -1,7 +1,7 @@
 //! Reads STL files, binary and text. No crate is used: stl_io refuses solids whose names hold a keyword, normals that are not
 //! numbers, and lines that end as on old Macintoshes, and drops colours.
 
-use crate::{fault, fault_at, source::Source, text, texture::linear_from_srgb, weld::Weld};
+use crate::{fault, source::Source, text, texture::linear_from_srgb, weld::Weld};
 use softras::{
     Result,
     scene::{Appearance, Mesh},
@@ -53,7 +53,6 @@ fn facets(source: &mut Source, bytes: Vec<u8>) -> Result<Mesh> {
     let (mut positions, mut corners, mut words) = (Vec::<[f64; 3]>::new(), 0, Vec::new());
     let line_end = if text.contains('\n') { '\n' } else { '\r' };
     for (line, number) in text.split(line_end).zip(1..) {
-        let wrong = |what: String| fault_at(source.path, number, what, "export the file again, as binary STL");
         words.clear();
         words.extend(line.split_whitespace());
         let is = |at: usize, word: &str| words.get(at).is_some_and(|own: &&str| own.eq_ignore_ascii_case(word));
@@ -62,15 +61,20 @@ fn facets(source: &mut Source, bytes: Vec<u8>) -> Result<Mesh> {
             at += 1;
             match word.to_ascii_lowercase().as_str() {
                 "vertex" => {
-                    let numbers = words[at..].iter().take(3).map_while(|word| text::number(word));
-                    let [x, y, z] = numbers.collect::<Vec<f64>>()[..] else {
-                        return Err(wrong("a vertex needs three numbers".into()));
-                    };
-                    positions.push([x, y, z]);
+                    let xyz = [at, at + 1, at + 2].map(|at| words.get(at).and_then(|word| text::number(word)));
+                    if xyz.contains(&None) {
+                        source.notes.count(number, "a vertex is not three numbers");
+                    }
+                    positions.push(xyz.map(|x| x.unwrap_or(f64::NAN)));
                     (at, corners) = (at + 3, corners + 1);
                 }
-                "facet" | "endfacet" | "endloop" if matches!(corners, 0 | 3) => corners = 0,
-                "facet" | "endfacet" | "endloop" => return Err(wrong(format!("a facet of {corners} vertices"))),
+                "facet" | "endfacet" | "endloop" => {
+                    if !matches!(corners, 0 | 3) {
+                        source.notes.count(number, "facets of other than three vertices are left out");
+                        positions.truncate(positions.len() - corners);
+                    }
+                    corners = 0;
+                }
                 "normal" => at += 3,
                 "solid" | "endsolid" => {
                     while at < words.len() && !(is(at, "facet") && is(at + 1, "normal")) {
@@ -82,11 +86,11 @@ fn facets(source: &mut Source, bytes: Vec<u8>) -> Result<Mesh> {
                     source.notes.count(number, "colours of text are not read");
                     at = words.len();
                 }
-                other => return Err(wrong(format!("unknown word {:?}", text::name(other)))),
+                _ => source.notes.count(number, "words that STL does not have are not read"),
             }
         }
     }
-    if positions.len() % 3 != 0 {
+    if corners % 3 != 0 {
         return Err(fault(source.path, "cut off within a facet", "copy or export the file again"));
     }
     mesh(source, &positions, Vec::new())

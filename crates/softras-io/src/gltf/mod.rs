@@ -20,6 +20,7 @@ use crate::{
     fault,
     obj::{FAR_UVS, FARTHEST_UV},
     paint::{self, Patch, Sheet},
+    polygon,
     source::Source,
     text,
     textures::Textures,
@@ -199,14 +200,15 @@ impl Soup {
             let what = format!("repeated meshes have more than {most} vertices or triangles in all");
             return Err((what, "draw them fewer times, or split the file".into()));
         }
-        if let Some(&corner) = corners.iter().find(|&&corner| corner as usize >= count) {
-            return Err(lacks("vertex index", corner as usize, count));
-        }
         let places = placed.of_vertices(source, document, primitive, count)?;
         let mirrored = places.first().is_some_and(|place| place.determinant() < 0.0);
-        self.triangles.extend(triangles(&corners, mode).map(|[a, b, c]| {
+        self.triangles.extend(triangles(&corners, mode).filter_map(|[a, b, c]| {
             let [b, c] = if mirrored { [c, b] } else { [b, c] };
-            [a, b, c].map(|corner| start as u32 + corner)
+            let fits = [a, b, c].iter().all(|&corner| (corner as usize) < count);
+            if !fits {
+                source.notes.count(None, polygon::STRAYS);
+            }
+            fits.then(|| [a, b, c].map(|corner| start as u32 + corner))
         }));
         morph(source, document, primitive, "POSITION", weights, &mut positions)?;
         let place_of = |i: usize| if places.len() == 1 { places.first() } else { places.get(i) };

@@ -1,4 +1,4 @@
-//! The parser of OBJ files: every statement is validated and read once, with its line.
+//! The parser of OBJ files: every statement is validated and read once. What is wrong is left out, and noted with its line.
 //!
 //! The crate tobj is not used because it cannot keep what [`load`](super::load) promises: it drops unused vertices and
 //! renumbers the others, and its errors have no line numbers. Worse, it reads some files wrongly without an error: it takes
@@ -7,19 +7,20 @@
 
 use super::statement::{Statement, statements};
 use crate::{
-    Wrong, color,
+    color,
     fate::{self, Drawn, Fates, NotDrawn, Silent},
-    fault, fault_at, input,
+    fault, input,
     notes::Notes,
+    polygon,
     source::Source,
-    text::{self, name},
+    text,
 };
 use softras::Result;
 use std::{collections::HashMap, path::Path, str::FromStr};
 
 /// The largest magnitude of a texture coordinate; beyond it f32 has too few digits left for the position in an image.
 pub const FARTHEST_UV: f32 = 1e4;
-pub const FAR_UVS: &str = "texture coordinates beyond ±10000 are replaced by 0";
+pub const FAR_UVS: &str = "texture coordinates that are no numbers up to ±10000 are replaced by 0";
 
 /// What becomes of each statement; `fo` is an old word for `f`.
 pub const STATEMENTS: &Fates = &[
@@ -89,24 +90,17 @@ struct Totals {
     corners: usize,
 }
 
-/// A value, or what is wrong with a statement and how to fix it.
-type Checked<T = ()> = std::result::Result<T, Wrong>;
-
-const CORNER_FORMS: &str = "give v, v/vt, v//vn or v/vt/vn";
-
 /// Parses a whole file; what is not kept of it becomes notes.
 ///
 /// # Errors
-/// [`softras::Error::File`] with the line of the first statement that is wrong, or without a line when there are no faces.
+/// [`softras::Error::File`] for a text without vertices; [`softras::Error::OutOfMemory`].
 pub(super) fn parse(source: &mut Source, text: &str) -> Result<Obj> {
     let path = source.path;
     let totals = count(text);
     let obj = Obj::sized(path, &totals)?;
     let notes = &mut source.notes;
     let mut parser = Parser { obj, totals, material: None, material_by_name: HashMap::new(), notes };
-    for statement in statements(text) {
-        parser.statement(&statement).map_err(|(what, fix)| fault_at(path, statement.line, what, fix))?;
-    }
+    statements(text).for_each(|statement| parser.statement(&statement));
     let mut obj = parser.obj;
     if obj.positions.is_empty() {
         let what = "not an OBJ file: it has no vertex and no face";
@@ -199,12 +193,12 @@ struct Parser<'a> {
 }
 
 impl Parser<'_> {
-    fn statement(&mut self, statement: &Statement) -> Checked {
+    fn statement(&mut self, statement: &Statement) {
         let line = statement.line;
         match statement.keyword() {
-            "v" => self.vertex(statement)?,
-            "vt" => self.uv(statement)?,
-            "f" | "fo" => self.face(statement)?,
+            "v" => self.vertex(statement),
+            "vt" => self.uv(statement),
+            "f" | "fo" => self.face(statement),
             "usemtl" => self.use_material(statement.rest(), line),
             "mtllib" => self.obj.libraries.push((statement.rest().into(), line)),
             "vn" => self.normal(statement),
@@ -217,14 +211,13 @@ impl Parser<'_> {
                 }
             },
         }
-        Ok(())
     }
 
     /// `v x y z`, with w, r g b, r g b a or w r g b behind.
-    fn vertex(&mut self, statement: &Statement) -> Checked {
+    fn vertex(&mut self, statement: &Statement) {
         let (count, [x, y, z, rest @ ..]) = vertex_words(statement);
         let (w, color) = match (count, rest) {
-            (3, _) => (None, None),
+            (..=3, _) => (None, None),
             (4, [w, ..]) => (Some(w), None),
             (6, [r, g, b, _]) => (None, Some([r, g, b])),
             (7, [w, r, g, b]) if self.totals.has_weights() => (Some(w), Some([r, g, b])),
@@ -234,12 +227,15 @@ impl Parser<'_> {
                 }
                 (None, Some([r, g, b]))
             }
-            (n, _) => return Err((format!("vertex of {n} numbers"), "give x y z, x y z w or x y z r g b")),
+            _ => {
+                self.notes.count(statement.line, "vertices of 5 or more than 7 numbers: x, y and z alone are read");
+                (None, None)
+            }
         };
-        self.position([x, y, z], w, statement.line)?;
+        self.position([x, y, z], w, statement.line);
         match color {
             Some(color) => {
-                let color = numbers::<f32, 3>("vertex colour", &color)?;
+                let color = color.map(number);
                 if !color::is_color(&color) {
                     self.notes.count(statement.line, color::BAD);
                 }
@@ -251,62 +247,60 @@ impl Parser<'_> {
             }
             None => {}
         }
-        Ok(())
     }
 
     /// A point, which may be infinite or none: then its faces are left out.
-    fn position(&mut self, xyz: [&str; 3], w: Option<&str>, line: usize) -> Checked {
-        let mut position = numbers::<f64, 3>("vertex coordinate", &xyz)?;
-        if let Some(w) = w {
-            let [w] = numbers::<f64, 1>("vertex coordinate", &[w])?;
+    fn position(&mut self, xyz: [&str; 3], w: Option<&str>, line: usize) {
+        if xyz.into_iter().chain(w).any(|word| text::number::<f64>(word).is_none()) {
+            self.notes.count(line, "a vertex has a coordinate that is not a number");
+        }
+        let mut position = xyz.map(number::<f64>);
+        if let Some(w) = w.map(number::<f64>) {
             if w != 1.0 && w != 0.0 {
                 self.notes.count(line, "the fourth coordinate w divides x, y and z");
             }
             position = position.map(|x| x / w);
         }
         self.obj.positions.push(position);
-        Ok(())
     }
 
     /// `vt u`, `vt u v` or `vt u v w`.
-    fn uv(&mut self, statement: &Statement) -> Checked {
+    fn uv(&mut self, statement: &Statement) {
         let words: Vec<&str> = statement.words().collect();
         let uv = match words[..] {
-            [u] => numbers::<f32, 2>("texture coordinate", &[u, "0"])?,
-            [u, v] => numbers("texture coordinate", &[u, v])?,
-            [u, v, w] => {
-                if w.parse() != Ok(0.0f32) {
+            [] => [f32::NAN; 2],
+            [u] => [number(u), 0.0],
+            [u, v, ref rest @ ..] => {
+                if rest.iter().any(|word| word.parse() != Ok(0.0f32)) {
                     self.notes.count(statement.line, "the third texture coordinate is not used");
                 }
-                numbers("texture coordinate", &[u, v])?
+                [u, v].map(number)
             }
-            _ => return Err((format!("texture coordinate of {} numbers", words.len()), "give u v")),
         };
-        if uv.iter().all(|x| x.abs() <= FARTHEST_UV) {
-            self.obj.uvs.push(uv);
-        } else {
+        let is_good = uv.iter().all(|x| x.abs() <= FARTHEST_UV);
+        if !is_good {
             self.notes.count(statement.line, FAR_UVS);
-            self.obj.uvs.push([0.0; 2]);
         }
-        Ok(())
+        self.obj.uvs.push(if is_good { uv } else { [0.0; 2] });
     }
 
     /// `vn x y z`.
     fn normal(&mut self, statement: &Statement) {
-        let words: Vec<&str> = statement.words().collect();
-        let normal = <[&str; 3]>::try_from(&words[..]).ok().and_then(|words| numbers::<f32, 3>("normal", &words).ok());
-        let normal = normal.filter(|normal| normal.iter().all(|x| x.is_finite()));
+        let normal = <[f32; 3]>::try_from(statement.words().map(number).collect::<Vec<f32>>());
+        let normal = normal.ok().filter(|normal| normal.iter().all(|x| x.is_finite()));
         if normal.is_none() {
             self.notes.count(statement.line, "normals that are not three finite numbers are not used");
         }
         self.obj.normals.push(normal.unwrap_or_default());
     }
 
-    fn face(&mut self, statement: &Statement) -> Checked {
-        let (mut arity, mut with_uv) = (0, 0);
+    fn face(&mut self, statement: &Statement) {
+        let (mut arity, mut with_uv, mut strays) = (0, 0, false);
         let start = self.obj.corners.len();
         for word in statement.words() {
-            let (vertex, uv, normal) = self.corner(word, statement.line)?;
+            let corner = self.corner(word, statement.line);
+            strays |= corner.is_none();
+            let (vertex, uv, normal) = corner.unwrap_or_default();
             self.obj.corners.push(vertex);
             if self.totals.normals > 0 {
                 self.obj.normal_corners.push(normal);
@@ -317,12 +311,13 @@ impl Parser<'_> {
             arity += 1;
             with_uv += usize::from(uv.is_some());
         }
-        if arity < 3 {
-            self.notes.count(statement.line, "faces of fewer than three corners are not drawn");
+        if strays || arity < 3 {
+            let what = if strays { polygon::STRAYS } else { "faces of fewer than three corners are not drawn" };
+            self.notes.count(statement.line, what);
             self.obj.corners.truncate(start);
             self.obj.uv_corners.truncate(start);
             self.obj.normal_corners.truncate(start);
-            return Ok(());
+            return;
         }
         let has_uvs = with_uv == arity;
         if !has_uvs && with_uv > 0 {
@@ -330,31 +325,22 @@ impl Parser<'_> {
             self.obj.uv_corners[start..].fill(0);
         }
         self.obj.faces.push(Face { line: statement.line, material: self.material, has_uvs, arity });
-        Ok(())
     }
 
-    /// The indices of `v`, `v/vt`, `v//vn` or `v/vt/vn`; of a normal that does not exist, [`NO_NORMAL`].
-    fn corner(&mut self, word: &str, line: usize) -> Checked<(u32, Option<u32>, u32)> {
+    /// The indices of `v`, `v/vt`, `v//vn` or `v/vt/vn`, of which the file may lack the last two; `None` if it lacks the vertex.
+    fn corner(&mut self, word: &str, line: usize) -> Option<(u32, Option<u32>, u32)> {
         let mut parts = word.split('/');
-        let (vertex, uv, normal) = (parts.next().unwrap_or_default(), parts.next(), parts.next());
-        if parts.next().is_some() {
-            return Err((format!("corner \"{}\" has more than three indices", name(word)), CORNER_FORMS));
-        }
-        let vertex = index("vertex", vertex, self.obj.positions.len(), self.totals.vertices)?;
-        let normal = match normal.filter(|n| !n.is_empty()) {
-            Some(normal) if normal.parse::<i64>().is_err() => {
-                return Err((format!("normal index \"{}\" is not a whole number", name(normal)), CORNER_FORMS));
+        let (vertex, uv, normal) = (parts.next()?, parts.next(), parts.next());
+        let vertex = index(vertex, self.obj.positions.len(), self.totals.vertices)?;
+        let uv = uv.filter(|uv| !uv.is_empty()).map(|uv| index(uv, self.obj.uvs.len(), self.totals.uvs));
+        let normal = normal.filter(|normal| !normal.is_empty());
+        let normal = normal.map(|normal| index(normal, self.obj.normals.len(), self.totals.normals));
+        for (found, what) in [(uv, "texture coordinates"), (normal, "normals")] {
+            if found == Some(None) {
+                self.notes.count(line, &format!("faces name {what} that the file lacks: left out"));
             }
-            Some(normal) => index("normal", normal, self.obj.normals.len(), self.totals.normals).unwrap_or(NO_NORMAL),
-            None => NO_NORMAL,
-        };
-        let Some(uv) = uv.filter(|uv| !uv.is_empty()) else { return Ok((vertex, None, normal)) };
-        if self.totals.uvs == 0 {
-            self.notes.count(line, "faces name texture coordinates that the file lacks: left out");
-            return Ok((vertex, None, normal));
         }
-        let uv = index("texture coordinate", uv, self.obj.uvs.len(), self.totals.uvs)?;
-        Ok((vertex, Some(uv), normal))
+        parts.next().is_none().then_some((vertex, uv.flatten(), normal.flatten().unwrap_or(NO_NORMAL)))
     }
 
     fn use_material(&mut self, name: &str, line: usize) {
@@ -372,30 +358,17 @@ impl Parser<'_> {
     }
 }
 
-/// The words as numbers, which may still be infinite or NaN; there must be `N` words.
-fn numbers<T: Copy + Default + FromStr + From<f32>, const N: usize>(what: &str, words: &[&str]) -> Checked<[T; N]> {
-    let mut values = [T::default(); N];
-    for (value, word) in values.iter_mut().zip(words) {
-        let wrong = || (format!("{what} \"{}\" is not a number", name(word)), "give plain decimal numbers");
-        *value = text::number(word).ok_or_else(wrong)?;
-    }
-    Ok(values)
+/// A word as a number, which may be infinite or none.
+fn number<T: FromStr + From<f32>>(word: &str) -> T {
+    text::number(word).unwrap_or_else(|| T::from(f32::NAN))
 }
 
-/// Reads an index, which counts from 1, or from -1 backwards over what the file has so far; the result counts from 0.
-fn index(what: &str, word: &str, so_far: usize, total: usize) -> Checked<u32> {
-    let Ok(index) = word.parse::<i64>() else {
-        return Err((format!("{what} index \"{}\" is not a whole number", name(word)), CORNER_FORMS));
-    };
-    let (count, lack) = if index < 0 { (so_far, " before it") } else { (total, "") };
-    let magnitude = index.unsigned_abs();
-    if magnitude == 0 {
-        return Err((format!("{what} index 0"), "indices count from 1, or from -1 backwards"));
-    }
-    if magnitude > count as u64 {
-        let what = format!("{what} index {index} but there are {count}{lack}");
-        return Err((what, "fix the index or add what it names"));
-    }
+/// Reads an index, which counts from 1, or from -1 backwards over what the file has so far; the result counts from 0. `None` for
+/// what the file does not have.
+fn index(word: &str, so_far: usize, total: usize) -> Option<u32> {
+    let index = word.parse::<i64>().ok()?;
+    let at =
+        if index < 0 { (so_far as u64).checked_sub(index.unsigned_abs())? } else { (index as u64).checked_sub(1)? };
     // Files are smaller than 4 GiB, so there are fewer vertices than a u32 can count.
-    Ok(if index < 0 { count as u64 - magnitude } else { magnitude - 1 } as u32)
+    (at < total as u64).then_some(at as u32)
 }

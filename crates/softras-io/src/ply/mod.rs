@@ -157,6 +157,9 @@ fn parse(source: &mut Source, bytes: &[u8]) -> Result<Ply, Wrong> {
             .notes
             .add(None, format!("{} rows have more numbers than the header names: the rest is not read", body.longer));
     }
+    if body.strange > 0 {
+        source.notes.add(None, format!("{} words are not numbers: such points are not drawn", body.strange));
+    }
     if body.left() > 0 {
         source.notes.add(None, format!("{} bytes after the last row are not read", body.left()));
     }
@@ -262,14 +265,12 @@ impl Ply {
         uvs: Option<&[f64]>,
         image: Option<u32>,
     ) -> Result<(), Wrong> {
-        let count = self.positions.len();
-        let corner = |&x: &f64| {
-            let fits = x >= 0.0 && x.fract() == 0.0 && x < count as f64;
-            let wrong =
-                || (format!("face {number} names vertex {x}, there are {count}"), "name vertices from 0 to the last");
-            fits.then_some(x as u32).ok_or_else(wrong)
+        let count = self.positions.len() as f64;
+        let corner = |&x: &f64| (x >= 0.0 && x.fract() == 0.0 && x < count).then_some(x as u32);
+        let Some(corners) = corners.iter().map(corner).collect::<Option<Vec<u32>>>() else {
+            notes.count(None, polygon::STRAYS);
+            return Ok(());
         };
-        let corners = corners.iter().map(corner).collect::<Result<Vec<u32>, Wrong>>()?;
         if corners.len() < 3 {
             notes.count(None, "faces of fewer than three corners are not drawn");
             return Ok(());

@@ -226,6 +226,8 @@ pub(super) struct Body<'a> {
     is_exact: bool,
     /// Rows with more words than columns.
     pub longer: usize,
+    /// Words that are not numbers.
+    pub strange: usize,
 }
 
 impl<'a> Body<'a> {
@@ -236,7 +238,8 @@ impl<'a> Body<'a> {
         let rest = if is_text { text::unpadded(rest) } else { rest };
         let lines = rest.split(|byte| matches!(byte, b'\n' | b'\r')).filter(|line| !line.trim_ascii().is_empty());
         let lines = if is_text { lines.count() } else { 0 };
-        Self { rest, order: header.order, has_lines: lines >= rows && is_text, is_exact: lines == rows, longer: 0 }
+        let (has_lines, is_exact) = (lines >= rows && is_text, lines == rows);
+        Self { rest, order: header.order, has_lines, is_exact, longer: 0, strange: 0 }
     }
 
     /// The bytes behind the last row, without padding.
@@ -326,9 +329,9 @@ impl<'a> Body<'a> {
     fn number(&mut self, kind: Kind) -> Result<f64, Wrong> {
         let bytes = self.next(kind)?;
         if self.order == Order::Text {
-            let word = text::decoded(bytes);
-            let wrong = || (format!("\"{}\" is not a number", text::name(&word)), "give plain decimal numbers");
-            return text::number(&word).ok_or_else(wrong);
+            let number = text::number(&text::decoded(bytes));
+            self.strange += usize::from(number.is_none());
+            return Ok(number.unwrap_or(f64::NAN));
         }
         let mut padded = [0; 8];
         padded[..bytes.len()].copy_from_slice(bytes);

@@ -86,7 +86,7 @@ pub fn mutated(folder: &Path, files: &[(String, Vec<u8>)], likely: &[usize], mes
         }
         fs::write(folder.join(name), original).unwrap();
     }
-    assert!(read > 30 && refused > 100, "{read} read, {refused} refused");
+    assert!(read > 30 && refused > 30, "{read} read, {refused} refused");
 }
 
 #[test]

@@ -94,11 +94,12 @@ fn what_is_not_drawn_is_noted_once() {
         "{TRIANGLE}vn 0 0 1\nvn 0 1 0\nvt 0 0\nl 1 2\np 1\ncurv 0 1 1 2\nwobble 3\nf 1//1 2//1 3//2\nf 1/1/9 2/1/9 3/1/9\n"
     );
     let notes = load_text(text).unwrap().notes;
-    assert_eq!(notes.len(), 4, "{notes:#?}");
+    assert_eq!(notes.len(), 5, "{notes:#?}");
     assert_note(&notes, &[":7: ", "lines"]);
     assert_note(&notes, &[":8: ", "points"]);
     assert_note(&notes, &[":9: ", "free-form"]);
     assert_note(&notes, &[":10: ", "wobble"]);
+    assert_note(&notes, &[":12 and 2 more: ", "normals that the file lacks"]);
 }
 
 #[test]
