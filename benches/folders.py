@@ -30,6 +30,8 @@ class Folder:
     def __init__(self, path, views, size, seed):
         self.path, self.size, self.random = path, size, np.random.default_rng(seed)
         self.views, self.mirrored = views, False
+        # The EXIF orientation of each picture.
+        self.exif = lambda i: 1
         path.mkdir()
 
     def pixels(self, view):
@@ -89,6 +91,8 @@ class Folder:
     def colmap(self, names, ks, binary):
         model = self.path / "sparse" / "0"
         model.mkdir(parents=True)
+        # They are relative to the folder of pictures.
+        names = [name.removeprefix("images/") for name in names]
         lenses = [[k[0, 0], k[1, 1], k[0, 2], k[1, 2]] for k in ks]
         poses = [[*quaternion(np.array(view["r"])), *view["t"]] for view in self.views]
         if not binary:
@@ -153,76 +157,66 @@ def oxford(folder):
     folder.mirrored = True
 
 
+def each(folder, name, background, sigma=3.0, **options):
+    """Saves each view over a background as a picture with noise. Returns all names and camera matrices, and the objects alone."""
+    names, ks, objects = [], [], []
+    for i, view in enumerate(folder.views):
+        rgba, k = folder.pixels(view)
+        folder.save(name.format(i), folder.noisy(folder.over(rgba, background(i)), sigma), exif=folder.exif(i), **options)
+        names.append(name.format(i))
+        ks.append(k)
+        objects.append(rgba)
+    return names, ks, objects
+
+
 def statue(folder):
     """A tall object that the lower border cuts in most pictures, COLMAP's model in binary and COLMAP's masks."""
-    names, ks = [], []
     for i, view in enumerate(folder.views):
         if i % 8:
             view["zoom"], view["shift"] = 1.25, (0, folder.size[1] // 6)
-        rgba, k = folder.pixels(view)
-        names.append(f"{i:04}.jpg")
-        ks.append(k)
-        folder.save(f"images/{names[-1]}", folder.noisy(folder.over(rgba, folder.room(i)), 2.0), quality=90)
-        folder.mask(f"masks/{names[-1]}.png", rgba)
+    names, ks, objects = each(folder, "images/{:04}.jpg", folder.room, 2.0, quality=90)
+    for name, rgba in zip(names, objects):
+        folder.mask(name.replace("images", "masks") + ".png", rgba)
     folder.colmap(names, ks, binary=True)
 
 
 def fox(folder):
     """Frames of a video in a room, some deleted, without masks."""
-    names, ks = [], []
-    for i, view in enumerate(folder.views):
-        rgba, k = folder.pixels(view)
-        names.append(f"images/{i + 1:04}.jpg")
-        ks.append(k)
-        if i % 4 != 3:
-            folder.save(names[-1], folder.noisy(folder.over(rgba, folder.room(i)), 3.0), quality=85)
+    names, ks, _ = each(folder, "images/{:04}.jpg", folder.room, quality=85)
+    for name in names[3::4]:
+        (folder.path / name).unlink()
     folder.transforms(names, ks)
 
 
 def figure(folder):
     """A few large pictures before white paper with a soft shadow, stored upside down by a phone, COLMAP's text."""
-    names, ks = [], []
-    for i, view in enumerate(folder.views):
-        rgba, k = folder.pixels(view)
-        names.append(f"IMG_{i:04}.JPG")
-        ks.append(k)
-        paper = folder.plain([228, 226, 220], corners=0.12, shadow=0.15)
-        folder.save(f"images/{names[-1]}", folder.noisy(folder.over(rgba, paper), 1.5), exif=3 if i % 3 else 1, quality=92)
+    folder.exif = lambda i: 3 if i % 3 else 1
+    paper = folder.plain([228, 226, 220], corners=0.12, shadow=0.15)
+    names, ks, _ = each(folder, "images/IMG_{:04}.JPG", lambda i: paper, 1.5, quality=92)
     folder.colmap(names, ks, binary=False)
 
 
 def mouse(folder):
     """A phone's pictures of a cluttered table, without masks."""
-    names, ks = [], []
-    for i, view in enumerate(folder.views):
-        rgba, k = folder.pixels(view)
-        names.append(f"IMG_{i:04}.jpg")
-        ks.append(k)
-        folder.save(f"images/{names[-1]}", folder.noisy(folder.over(rgba, folder.room(i)), 3.0), exif=6, quality=85)
+    folder.exif = lambda i: 6
+    names, ks, _ = each(folder, "images/IMG_{:04}.jpg", folder.room, quality=85)
     folder.colmap(names, ks, binary=False)
 
 
 def frames(folder):
     """Frames of a video with masks of 0 and 1 in a folder of their own."""
-    names, ks = [], []
-    for i, view in enumerate(folder.views):
-        rgba, k = folder.pixels(view)
-        names.append(f"frame_{i:05}.jpg")
-        ks.append(k)
-        folder.save(names[-1], folder.noisy(folder.over(rgba, folder.room(i)), 3.0), quality=80)
-        folder.save(f"mask/frame_{i:05}.png", (rgba[..., 3] > 127).astype(np.uint8))
+    names, ks, objects = each(folder, "frame_{:05}.jpg", folder.room, quality=80)
+    for name, rgba in zip(names, objects):
+        folder.save(f"mask/{name[:-4]}.png", (rgba[..., 3] > 127).astype(np.uint8))
     folder.transforms(names, ks)
 
 
 def phone(folder):
     """A phone's pictures, turned by EXIF, with masks that a program made of the turned pictures."""
-    names, ks = [], []
-    for i, view in enumerate(folder.views):
-        rgba, k = folder.pixels(view)
-        names.append(f"PXL_{i:04}.jpg")
-        ks.append(k)
-        folder.save(f"images/{names[-1]}", folder.noisy(folder.over(rgba, folder.room(i)), 2.0), exif=6, quality=88)
-        folder.mask(f"silhouettes/PXL_{i:04}.png", np.rot90(rgba, -1))
+    folder.exif = lambda i: 6
+    names, ks, objects = each(folder, "images/PXL_{:04}.jpg", folder.room, 2.0, quality=88)
+    for name, rgba in zip(names, objects):
+        folder.mask(name.replace("images", "silhouettes")[:-4] + ".png", np.rot90(rgba, -1))
     folder.colmap(names, ks, binary=True)
 
 

@@ -88,7 +88,7 @@ pub use image_loss::{
 pub use optimizer::{Method, Optimizer};
 pub use options::{FitOptions, Preset, Template};
 pub use paint::Painted;
-pub use pose::{Differentiation, Pose, PoseFit, PoseOptions, PoseSearch, PoseTarget, rotations};
+pub use pose::{Pose, PoseFit, PoseOptions, PoseSearch, PoseTarget, rotations};
 pub use regularizer::{Regularizer, laplacian_coordinates};
 pub use remesh::{evened, remeshed, remeshed_while};
 pub use run::ShapeRun;

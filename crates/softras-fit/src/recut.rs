@@ -190,10 +190,8 @@ impl Fitting {
         }
         Ok(made)
     }
-}
 
-impl Fitting {
-    /// Whether a mesh that replaces another has no more handles than that, or than holes of the pictures account for.
+    /// Refuses a mesh of more handles than the one that it replaces, and than the pictures' holes account for.
     fn check_handles(&self, new: &Mesh, old: &Mesh) -> Result<()> {
         let Some(silhouettes) = &self.run.targets.silhouette else { return Ok(()) };
         let handles = |mesh: &Mesh| Ok::<_, softras::Error>(genus(mesh)?.1.unwrap_or_default());

@@ -118,11 +118,11 @@ pub fn refined(subject: &mut Subject, is_narrowed: bool, work: &mut Work) -> Res
     }
     let given = subject.views.cameras.clone();
     let (mut best, mut cameras, mut moved) = (before, given.clone(), 0.0);
-    for stages in [&[TRIAL][..], &STAGES] {
+    'stages: for stages in [&[TRIAL][..], &STAGES] {
         let mut motions = Motions::new(&given, subject.bounds, subject.pixel);
         for stage in stages {
             if !stage.refine(&mut motions, subject, before.masks.max(AGREED), work)? {
-                return Ok(());
+                break 'stages;
             }
         }
         subject.views.cameras = motions.cameras(&given)?;

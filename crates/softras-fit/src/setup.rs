@@ -66,7 +66,7 @@ impl Setup {
         let rate = given.rate.unwrap_or((default.0.0 * unit, default.0.1 * unit));
         let (from, to) = given.edge.unwrap_or((EDGE, EDGE));
         let iterations = iterations(&given, begin.hull);
-        // A given mesh keeps its triangles, since that may be the purpose of the fit, and the official method never cuts.
+        // A given mesh keeps its triangles, since that may be the purpose of the fit, and a quick fit and the official method never cut.
         let is_plain = given.preset != Preset::Smooth;
         let recuts = !(given.keep_topology || is_plain || matches!(given.template, Template::Mesh(_)));
         Ok(Self {

@@ -1,18 +1,24 @@
 //! Triangles that lie on each other, as those of a sheet whose front and back have materials of their own.
 
-use softras::{Mesh, scene::Appearance};
+use crate::input;
+use softras::{Mesh, Result, scene::Appearance};
+use std::path::Path;
 
 /// A triangle of several on the same points: these in order, whether it turns in that order, what its corners show there, its number.
 type Twin = ([[u32; 3]; 3], bool, [[u32; 3]; 3], u32);
 
 /// Makes triangles single-sided that lie on the same points, look different and face opposite ways. Returns the number of those that
 /// look different and face the same way, so that nothing tells which is seen.
-pub fn face_away(mesh: &Mesh, single_sided: &mut Vec<bool>) -> usize {
+///
+/// # Errors
+/// [`softras::Error::OutOfMemory`].
+pub fn face_away(path: &Path, mesh: &Mesh, single_sided: &mut Vec<bool>) -> Result<usize> {
     let mut same_way = 0;
     if matches!(mesh.appearance(), Appearance::Uniform(_)) {
-        return same_way;
+        return Ok(same_way);
     }
-    let mut order: Vec<(u64, u32)> = mesh.triangles().iter().map(|triangle| hash(mesh, triangle)).zip(0..).collect();
+    let mut order: Vec<(u64, u32)> = input::vector(path, mesh.triangles().len())?;
+    order.extend(mesh.triangles().iter().map(|triangle| hash(mesh, triangle)).zip(0..));
     order.sort_unstable();
     for group in order.chunk_by(|a, b| a.0 == b.0).filter(|group| group.len() > 1) {
         let mut twins: Vec<Twin> = group.iter().filter_map(|(_, t)| twin(mesh, *t)).collect();
@@ -26,7 +32,7 @@ pub fn face_away(mesh: &Mesh, single_sided: &mut Vec<bool>) -> usize {
             }
         }
     }
-    same_way
+    Ok(same_way)
 }
 
 /// The bits of a vertex's place; -0 and 0 are one.

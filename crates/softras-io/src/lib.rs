@@ -116,10 +116,10 @@ pub fn load_with(path: impl AsRef<Path>, options: &LoadOptions) -> Result<Loaded
         other => other,
     })?;
     if mesh.triangles().is_empty() {
-        let reasons = source.notes.texts(3);
+        let (line, reasons) = source.notes.reasons(3);
         let reasons = if reasons.is_empty() { "its points are not drawn".into() } else { reasons };
         let what = format!("no faces ({} vertices): {reasons}", mesh.positions().len());
-        return Err(fault(path, what, "give a mesh with triangles (MeshLab makes them of points: Screened Poisson)"));
+        return Err(fault_at(path, line, what, "give a mesh with triangles (MeshLab makes them of points: Screened Poisson)"));
     }
     source.loaded(mesh)
 }

@@ -49,9 +49,10 @@ impl Notes {
         self.push(MAX_NOTES, Note { file: Some(file.into()), line, times: 1, what: what.into() });
     }
 
-    /// The texts of the first notes, without their places.
-    pub fn texts(&self, most: usize) -> String {
-        self.all.iter().take(most).map(|note| note.what.as_str()).collect::<Vec<_>>().join("; ")
+    /// The line of the first note, and the texts of the first notes.
+    pub fn reasons(&self, most: usize) -> (Option<usize>, String) {
+        let texts: Vec<&str> = self.all.iter().take(most).map(|note| note.what.as_str()).collect();
+        (self.all.first().and_then(|note| note.line), texts.join("; "))
     }
 
     fn push(&mut self, most: usize, note: Note) {

@@ -263,7 +263,7 @@ impl<'a> Source<'a> {
             positions.iter_mut().zip(is_good).filter(|(_, good)| !good).for_each(|(p, _)| *p = place);
         }
         let mesh = Mesh::new(positions, triangles)?.with_appearance(appearance)?;
-        let same_way = face_away(&mesh, &mut self.single_sided);
+        let same_way = face_away(self.path, &mesh, &mut self.single_sided)?;
         if same_way > 0 {
             self.notes
                 .add(None, format!("{same_way} triangles lie on others of another colour: their colours are mixed"));

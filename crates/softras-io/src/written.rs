@@ -5,7 +5,7 @@ use softras::{
     Mesh, Result,
     scene::{Appearance, Texture},
 };
-use std::borrow::Cow;
+use std::{borrow::Cow, path::Path};
 
 /// How far from a whole number a byte may be before its rounding is noted.
 const ROUNDED: f64 = 0.02;
@@ -108,16 +108,24 @@ impl<'a> Written<'a> {
     }
 
     /// Notes what formats without materials of their own, as OBJ and PLY, do not say of light and sides.
-    pub fn lose_light_and_sides(&mut self) {
+    ///
+    /// # Errors
+    /// [`softras::Error::OutOfMemory`].
+    pub fn lose_light_and_sides(&mut self, path: &Path) -> Result<()> {
         if self.unlit {
             self.lose("that light does not shade it is not kept: --unlit draws it so");
         }
+        if self.single_sided.is_empty() {
+            return Ok(());
+        }
+        // A reader finds again those that lie on others.
         let mut kept = Vec::new();
-        face_away(&self.mesh, &mut kept);
+        face_away(path, &self.mesh, &mut kept)?;
         let is_kept = |(t, single): (usize, &bool)| !single || kept.get(t) == Some(&true);
         if !self.single_sided.iter().enumerate().all(is_kept) {
             self.lose("that triangles are seen from their front alone is not kept: --faces front draws them so");
         }
+        Ok(())
     }
 
     /// The colour of a triangle that has one for itself, or for all; white for another one.

@@ -67,10 +67,13 @@ pub fn solid_voxels<'py>(faces: &Bound<'py, PyAny>, size: usize) -> PyResult<Bou
         let what = format!("faces of shape {:?} in {size} voxels a side", array.shape());
         return Err(bad_input(what, "give [F, 3, 3] and 1 to 512 voxels"));
     }
+    if array.as_slice()?.iter().any(|x| !x.is_finite()) {
+        return Err(bad_input("faces with a corner that is no finite point", "give finite numbers"));
+    }
     let corners: Vec<[f64; 3]> = array.as_slice()?.as_chunks::<3>().0.iter().map(|p| p.map(f64::from)).collect();
     let solid = py.detach(|| {
         let mut grid = Grid { size, touched: vec![false; size.pow(3)] };
-        for triangle in corners.as_chunks::<3>().0.iter().filter(|t| t.as_flattened().iter().all(|x| x.is_finite())) {
+        for triangle in corners.as_chunks::<3>().0 {
             (0..3).for_each(|axis| grid.cross(triangle, axis));
             triangle.iter().for_each(|corner| grid.touch(corner.map(f64::floor)));
         }

@@ -213,6 +213,8 @@ def test_voxels_are_solid():
     assert voxels.dtype == torch.int32 and voxels[16, 16, 16] == 1 and voxels[0, 0, 0] == 0
     assert 19 <= spans[0] <= 21 and 9 <= spans[1] <= 12 and spans[1] == spans[2]
     assert int(voxels.sum()) == spans[0] * spans[1] * spans[2]
+    with pytest.raises(softras.Error, match="finite"):
+        sr.functional.voxelization(torch.full((1, 1, 3, 3), float("nan")), 8)
 
 
 def test_losses_by_hand():

@@ -9,12 +9,12 @@ use softras::glam::DVec3;
 use softras::scene::{Background, Faces};
 use softras::{Camera, Image, Projection, Renderer, Result, Scene, Settings, shapes};
 use softras_check::random::Random;
-use softras_fit::{Differentiation, Pose, PoseFit, PoseOptions, PoseTarget, Schedule, rotations};
+use softras_fit::{Pose, PoseFit, PoseOptions, PoseTarget, Schedule, rotations};
 use std::path::Path;
 
 const SIZE: u32 = 32;
 const DISTANCE: f64 = 5.0;
-/// The length of the first steps in radians, the best of several on other seeds for both hard and soft fits. Such long
+/// The length of the first steps in radians, the best of several on other seeds. Such long
 /// steps make a fit try many rotations before it converges.
 const FIRST_STEP: f64 = 1.3;
 /// The starts of the methods with several: the trial's own, and others spread over all rotations from there.
@@ -42,7 +42,6 @@ fn methods() -> Vec<Method> {
         blur: Schedule::Constant(0.0),
         ..fine.clone()
     };
-    let hard = PoseOptions { differentiation: Differentiation::ImageFlow, ..constant.clone() };
     let scheduled = PoseOptions {
         sigma: Schedule::Exponential { from: 3e-2, to: 1e-4 },
         gamma: Schedule::Exponential { from: 3.0, to: 1e-1 },
@@ -50,14 +49,11 @@ fn methods() -> Vec<Method> {
     };
     let method = |name, options: &PoseOptions, starts, plain| Method { name, options: options.clone(), starts, plain };
     vec![
-        method("hard, image-space finite differences", &hard, 1, true),
         method("soft, no schedule", &constant, 1, true),
         method("soft, sigma-gamma schedule", &scheduled, 1, true),
         method("soft, sigma-gamma schedule, coarse to fine", &fine, 1, true),
-        method("hard, whitened colours", &hard, 1, false),
         method("soft, no schedule, whitened colours", &constant, 1, false),
         method("soft, scheduled, coarse to fine, whitened", &fine, 1, false),
-        method("hard, whitened", &hard, STARTS, false),
         method("soft, no schedule, whitened", &constant, STARTS, false),
         method("soft, scheduled, coarse to fine, whitened", &fine, STARTS, false),
     ]

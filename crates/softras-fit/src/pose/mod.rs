@@ -4,12 +4,10 @@
 //! have few local minima besides the right pose (section 4.3 of the SoftRas paper). Lights turn with the mesh, so
 //! images are best compared unlit.
 
-mod flow;
 mod picture;
 mod search;
 mod target;
 
-use flow::flow_gradient;
 pub use search::PoseSearch;
 pub use target::PoseTarget;
 
@@ -43,16 +41,6 @@ impl Pose {
     }
 }
 
-/// How images are rendered and differentiated.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Differentiation {
-    /// Soft images with their exact gradient.
-    #[default]
-    Soft,
-    /// Hard images with a gradient estimated from differences between neighbouring pixels, as a baseline.
-    ImageFlow,
-}
-
 /// How poses are fitted.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PoseOptions {
@@ -73,8 +61,6 @@ pub struct PoseOptions {
     pub rate: Schedule,
     /// Step size of the translation in world units, divided by that of the rotation; 0 fits the rotation only.
     pub translation_rate: f64,
-    /// How images are rendered and differentiated.
-    pub differentiation: Differentiation,
 }
 
 impl Default for PoseOptions {
@@ -88,7 +74,6 @@ impl Default for PoseOptions {
             silhouette: Schedule::Exponential { from: 0.03, to: 1.0 },
             rate: Schedule::Exponential { from: 0.3, to: 0.01 },
             translation_rate: 0.0,
-            differentiation: Differentiation::Soft,
         }
     }
 }
@@ -155,17 +140,16 @@ impl PoseFit {
 
     /// The settings that a step is rendered with.
     fn settings_at(&self, step: usize) -> Settings {
-        let soft = self.options.differentiation == Differentiation::Soft;
         Settings {
             sigma: self.options.sigma.at_step(step, self.options.iterations),
             gamma: self.options.gamma.at_step(step, self.options.iterations),
             // Dropping a fragment that is nearer than all others makes the colour jump, and a jump has no gradient.
             tau: self.settings.tau.min(1e-8),
             background: Background::Composite,
-            outputs: Outputs { color: true, silhouette: true, depth: !soft, normal: false },
-            color: if soft { ColorAggregation::Softmax } else { ColorAggregation::Hard },
-            silhouette: if soft { SilhouetteAggregation::Product } else { SilhouetteAggregation::Hard },
-            save: soft,
+            outputs: Outputs { color: true, silhouette: true, depth: false, normal: false },
+            color: ColorAggregation::Softmax,
+            silhouette: SilhouetteAggregation::Product,
+            save: true,
             ..self.settings.clone()
         }
     }
@@ -221,14 +205,9 @@ impl PoseFit {
         let of_poses = |poses: Range<usize>| {
             let frame = self.frame(renderer, &self.poses[poses.clone()], &settings)?;
             let (losses, upstream) = self.compare(&frame, &target.part(poses.clone()))?;
-            let twists: Vec<[f64; 6]> = match self.options.differentiation {
-                Differentiation::Soft => {
-                    let wanted = GradientRequest { camera: true, ..GradientRequest::NOTHING };
-                    renderer.backward(&frame, &upstream, &wanted)?.cameras.iter().map(|c| c.twist).collect()
-                }
-                Differentiation::ImageFlow => flow_gradient(&frame, &upstream, &self.camera)?,
-            };
-            let gradients = self.poses[poses].iter().zip(&twists).map(|(pose, twist)| self.by_pose(pose, twist));
+            let wanted = GradientRequest { camera: true, ..GradientRequest::NOTHING };
+            let by_cameras = renderer.backward(&frame, &upstream, &wanted)?.cameras;
+            let gradients = self.poses[poses].iter().zip(&by_cameras).map(|(pose, by)| self.by_pose(pose, &by.twist));
             Ok(losses.into_iter().zip(gradients).collect())
         };
         let mut at_once = self.at_once;

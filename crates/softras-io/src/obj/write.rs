@@ -18,7 +18,7 @@ use std::{
 /// [`Error::Mesh`] for what these formats cannot hold.
 pub fn files_of(mesh: &mut Written, path: &Path) -> Result<Vec<(PathBuf, Vec<u8>)>> {
     mesh.lose_single_normals();
-    mesh.lose_light_and_sides();
+    mesh.lose_light_and_sides(path)?;
     let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let materials = materials(mesh, &stem)?;
     let mut files = Vec::new();

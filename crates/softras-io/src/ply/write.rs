@@ -31,7 +31,7 @@ pub fn files_of(mesh: &mut Written, path: &Path) -> Result<Vec<(PathBuf, Vec<u8>
     if !mesh.opacity.is_empty() {
         mesh.lose("PLY files hold no opacity of triangles: all are opaque");
     }
-    mesh.lose_light_and_sides();
+    mesh.lose_light_and_sides(path)?;
     files.push((path.into(), ply(mesh, &images)?));
     Ok(files)
 }

@@ -284,9 +284,9 @@ pub struct MethodArgs {
         value_enum,
         value_name = "PRESET",
         default_value = "smooth",
-        default_value_if("quick", "true", "quick")
+        default_value_if("quick", "true", "quick"),
+        hide_possible_values = true
     )]
-    #[arg(hide_possible_values = true)]
     pub preset: Preset,
     /// A first look: the hull after 20 steps (as --preset quick)
     #[arg(long, conflicts_with = "preset")]

@@ -23,9 +23,9 @@ fn malformed_meshes_are_refused_with_their_line() {
         ("", None, &["empty"]),
         ("# nothing", None, &["not an OBJ file"]),
         ("V", None, &["no faces", "3 vertices"]),
-        ("V f 1 2", None, &["no faces", "3 vertices"]),
-        ("V f 1 2 4", None, &["no faces", "no vertices of the file"]),
-        ("V v 1 2 1,5\nf 1 2 4", None, &["no faces", "not a number"]),
+        ("V f 1 2", Some(5), &["no faces", "3 vertices"]),
+        ("V f 1 2 4", Some(5), &["no faces", "no vertices of the file"]),
+        ("V v 1 2 1,5\nf 1 2 4", Some(5), &["no faces", "not a number"]),
     ];
     for (text, line, words) in cases {
         let text = text.replace("V ", V).replace('V', V);
