@@ -52,7 +52,7 @@ pub fn carved(
 
 /// The hull's samples that a marked pixel or one beside it shows; all others are outside. The marks may be one pixel wider than
 /// a part, since at least one pixel of background, where the hull has nothing, lies between a silhouette's parts.
-fn added(of: &Views, missing: &Image, views: &[View<'_>], hull: &Samples) -> Result<Vec<f32>> {
+fn added(of: &Views, missing: &Image, views: &[View], hull: &Samples) -> Result<Vec<f32>> {
     let size = |image: &Image| (image.batch, image.height, image.width, image.channels);
     if of.silhouette.as_ref().map(size) != Some(size(missing)) {
         return bad(format!("marks of size {:?}", size(missing)), "give one for each pixel of the silhouettes");

@@ -104,7 +104,7 @@ pub fn settle(subject: &mut Subject, notes: &mut Vec<String>) -> Result<()> {
 
 /// The mean share of the masks that their hull leaves uncovered, and the place in `using` of the view without which the others agree much
 /// better.
-fn worst(views: &Views, all: &[View<'_>], using: &[usize], bounds: Sphere) -> Option<(f64, Option<usize>)> {
+fn worst(views: &Views, all: &[View], using: &[usize], bounds: Sphere) -> Option<(f64, Option<usize>)> {
     let uncovered = uncovered(views, all, using, bounds)?;
     let n = using.len();
     // The mean over all views, and over the others where one is left out.
@@ -121,7 +121,7 @@ fn worst(views: &Views, all: &[View<'_>], using: &[usize], bounds: Sphere) -> Op
 
 /// The share of each view's mask that the hull leaves uncovered: a row a view, a column for the hull without each view, and at last
 /// one for the hull of all.
-fn uncovered(views: &Views, all: &[View<'_>], using: &[usize], bounds: Sphere) -> Option<Vec<f64>> {
+fn uncovered(views: &Views, all: &[View], using: &[usize], bounds: Sphere) -> Option<Vec<f64>> {
     let silhouettes = views.silhouette.as_ref()?;
     let n = using.len();
     let grid = Samples::new(bounds.center - bounds.radius, 2.0 * bounds.radius, RESOLUTION);

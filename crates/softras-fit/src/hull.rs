@@ -61,7 +61,7 @@ pub(super) fn wide_hull(
 }
 
 /// The samples of the hull of silhouettes that are wider by `slack`, on a grid around it.
-pub(super) fn hull(views: &[View<'_>], center: [f64; 3], side: f64, resolution: usize, slack: f64) -> Result<Samples> {
+pub(super) fn hull(views: &[View], center: [f64; 3], side: f64, resolution: usize, slack: f64) -> Result<Samples> {
     if !(8..=MAX_RESOLUTION).contains(&resolution) {
         return bad(format!("a hull of {resolution} samples a side"), "use 8 to 256");
     }
@@ -83,8 +83,9 @@ pub(super) fn hull(views: &[View<'_>], center: [f64; 3], side: f64, resolution: 
 }
 
 /// A picture's distances from its outline, and its camera.
-pub(super) struct View<'a> {
-    camera: &'a Camera,
+pub(super) struct View {
+    /// Of a perspective its focal length: an angle's tangent takes longer than all else of a point.
+    camera: Camera,
     /// In screen units, above 0 inside.
     distance: Image,
     /// Pixels of the picture itself along its height.
@@ -96,12 +97,12 @@ pub(super) struct View<'a> {
 }
 
 /// The views of all targets, their silhouettes enlarged so many times at most.
-pub(super) fn views<'a>(targets: &'a Views, times: usize) -> Result<Vec<View<'a>>> {
+pub(super) fn views(targets: &Views, times: usize) -> Result<Vec<View>> {
     let Some(silhouettes) = &targets.silhouette else {
         return bad("a hull without silhouettes", "give the targets' silhouettes");
     };
     targets.size()?;
-    let view = |(i, camera): (usize, &'a Camera)| {
+    let view = |(i, camera): (usize, &Camera)| {
         if matches!(camera.projection(), Projection::Official { .. } | Projection::Screen) {
             let what = format!("a hull from camera {i}, a {:?}", camera.projection());
             return bad(what, "use perspective, orthographic or pinhole cameras");
@@ -115,6 +116,10 @@ pub(super) fn views<'a>(targets: &'a Views, times: usize) -> Result<Vec<View<'a>
             masked(&depths, &known(&depths, Some(&picture)))
         });
         let distance = signed_distance(&enlarged(&picture, times))?;
+        let camera = match camera.intrinsics((picture.width as u32, picture.height as u32)) {
+            Some([fx, fy, cx, cy]) => Camera::from_affine(camera.matrix(), Projection::Pinhole { fx, fy, cx, cy })?,
+            None => camera.clone(),
+        };
         Ok(View { camera, distance, height: picture.height as f64, is_cut: is_cut(&picture), depths })
     };
     targets.cameras.iter().enumerate().map(view).collect()
@@ -176,7 +181,7 @@ pub(super) fn between(
     mix(top) * (1.0 - down) + mix(bottom) * down
 }
 
-impl View<'_> {
+impl View {
     /// The signed distance of a point from the silhouette's outline in world units; `None` behind the camera.
     pub(super) fn outline_distance(&self, point: DVec3) -> Option<f64> {
         let place = self.place(point)?;
@@ -214,9 +219,8 @@ impl View<'_> {
         }
         let unit = match *self.camera.projection() {
             Projection::Pinhole { fx, fy, .. } => 0.5 * self.height * depth / fx.max(fy),
-            Projection::Perspective { fov_y } => depth * (fov_y / 2.0).tan(),
             Projection::Orthographic { half_height } => half_height,
-            Projection::Official { .. } | Projection::Screen => return None,
+            _ => return None,
         };
         Some(Place { column: times * column, row: times * row, unit, depth })
     }
@@ -231,7 +235,7 @@ struct Place {
 }
 
 /// Sets each sample to the least of the views' distances and the slack.
-fn carve<'a>(grid: &mut Samples, views: &[View<'a>], slack: f64, distance: impl Fn(&View<'a>, DVec3) -> Option<f64>) {
+fn carve(grid: &mut Samples, views: &[View], slack: f64, distance: impl Fn(&View, DVec3) -> Option<f64>) {
     // Distances beyond some samples do not matter, and what no picture shows is outside.
     let far = far(grid);
     for i in 0..grid.values.len() {

@@ -5,7 +5,11 @@ use image::{
     DynamicImage, ImageDecoder, ImageFormat, ImageReader, ImageResult, Limits, RgbaImage, metadata::Orientation,
 };
 use softras::{Error, Result};
-use std::path::Path;
+use std::{
+    fs::File,
+    io::{self, BufReader, Read, Seek},
+    path::Path,
+};
 
 /// The largest side of a picture.
 pub const MAX_SIDE: u32 = 16384;
@@ -21,8 +25,25 @@ pub(crate) fn limits() -> Limits {
     limits
 }
 
+/// The bytes of a picture. One type for files and memory, so that no decoder is compiled twice.
+pub(crate) trait Bytes: Read + Seek {}
+impl<T: Read + Seek> Bytes for T {}
+pub(crate) type Reader<'a> = ImageReader<BufReader<Box<dyn Bytes + 'a>>>;
+
+/// A reader of a picture in memory, or in a file, whose name says the format where its content does not.
+///
+/// # Errors
+/// Those of reading its first bytes.
+pub(crate) fn reader<'a>(bytes: impl Bytes + 'a, path: Option<&Path>) -> io::Result<Reader<'a>> {
+    let mut reader = Reader::new(BufReader::new(Box::new(bytes)));
+    if let Some(format) = path.and_then(|path| ImageFormat::from_path(path).ok()) {
+        reader.set_format(format);
+    }
+    reader.with_guessed_format()
+}
+
 /// The pixels of a decoder, within limits.
-pub(crate) fn decoded(mut decoder: impl ImageDecoder, mut limits: Limits) -> ImageResult<DynamicImage> {
+pub(crate) fn decoded(mut decoder: Box<dyn ImageDecoder + '_>, mut limits: Limits) -> ImageResult<DynamicImage> {
     limits.reserve(decoder.total_bytes())?;
     decoder.set_limits(limits)?;
     DynamicImage::from_decoder(decoder)
@@ -55,7 +76,7 @@ impl PictureFile {
         input::refuse_empty(path, file_bytes)?;
         let refuse = |error| refuse(path, &error);
         let io = |error| refuse(image::ImageError::IoError(error));
-        let mut reader = ImageReader::open(path).and_then(ImageReader::with_guessed_format).map_err(io)?;
+        let mut reader = File::open(path).and_then(|file| reader(file, Some(path))).map_err(io)?;
         let is_lossy = matches!(reader.format(), Some(ImageFormat::Jpeg | ImageFormat::WebP));
         let mut limits = limits();
         // The caller counts pixels; this is for what a decoder needs besides them.

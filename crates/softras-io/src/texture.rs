@@ -2,19 +2,16 @@
 
 use crate::{
     input,
-    picture_file::{self, BYTES_PER_PIXEL, MAX_SIDE},
+    picture_file::{self, BYTES_PER_PIXEL, MAX_SIDE, Reader},
     source::Source,
     textures::Room,
 };
-use image::{DynamicImage, ImageDecoder, ImageReader};
+use image::{DynamicImage, ImageDecoder};
 use softras::{
     Error, Result,
     scene::{Texture, Wrap},
 };
-use std::{
-    io::{BufRead, Seek},
-    path::Path,
-};
+use std::{fs::File, io::Cursor, path::Path};
 
 /// A decoded image.
 pub struct Decoded {
@@ -34,7 +31,7 @@ impl Decoded {
     }
 }
 
-/// Reads an image file, as [`decode`], and adds it to the files that were read.
+/// Reads an image file, its values from sRGB to linear if so asked, of at most `room` texels, and adds it to the files that were read.
 ///
 /// # Errors
 /// What is wrong with it.
@@ -45,33 +42,33 @@ pub fn read(source: &mut Source, path: &Path, srgb: bool, room: Room) -> std::re
         other => other.to_string(),
     });
     let length = file?.metadata().map_or(0, |metadata| metadata.len());
-    let decoded = decode(ImageReader::open(path).map_err(|error| error.to_string())?, length, srgb, room)?;
+    let reader = File::open(path).and_then(|file| picture_file::reader(file, Some(path)));
+    let decoded = decode(reader.map_err(|error| error.to_string())?, length, srgb, room)?;
     if !source.files.iter().any(|file| file == path) {
         source.files.push(path.into());
     }
     Ok(decoded)
 }
 
-/// Decodes an image of so many bytes and at most `room` texels, from sRGB to linear values if so asked.
+/// Decodes an image in memory, as [`read`] one in a file.
 ///
 /// # Errors
 /// What is wrong with it.
-pub fn decode<R: BufRead + Seek>(
-    reader: ImageReader<R>,
-    length: u64,
-    srgb: bool,
-    room: Room,
-) -> std::result::Result<Decoded, String> {
+pub fn decode_bytes(bytes: &[u8], srgb: bool, room: Room) -> std::result::Result<Decoded, String> {
+    let reader = picture_file::reader(Cursor::new(bytes), None).map_err(|error| error.to_string())?;
+    decode(reader, bytes.len() as u64, srgb, room)
+}
+
+/// Decodes an image of so many bytes and at most `room` texels, from sRGB to linear values if so asked.
+fn decode(mut reader: Reader<'_>, length: u64, srgb: bool, room: Room) -> std::result::Result<Decoded, String> {
     let undecodable = |error: image::ImageError| {
         format!("{error} (use a PNG or JPEG of at most {MAX_SIDE}×{MAX_SIDE} pixels: magick IN OUT.png)")
     };
-    // The format is guessed from the content, because the name may be wrong.
-    let mut reader = reader.with_guessed_format().map_err(|error| error.to_string())?;
     reader.limits(picture_file::limits());
     let decoder = reader.into_decoder().map_err(undecodable)?;
     let (width, height) = decoder.dimensions();
     make_room(width, height, room.texels(length))?;
-    let image = picture_file::decoded(decoder, picture_file::limits()).map_err(undecodable)?;
+    let image = picture_file::decoded(Box::new(decoder), picture_file::limits()).map_err(undecodable)?;
     let alpha = alpha(&image);
     Ok(Decoded { width, height, texels: texels(image, srgb), alpha })
 }
@@ -96,7 +93,7 @@ fn level_fits(bytes: &[u8], width: u32, height: u32) -> bool {
     number(2).is_some_and(|unpacked| unpacked <= BLOCK * blocks)
 }
 
-/// Decodes a KTX2 image of Basis Universal, as [`decode`].
+/// Decodes a KTX2 image of Basis Universal, as [`decode_bytes`].
 ///
 /// # Errors
 /// What is wrong with it.

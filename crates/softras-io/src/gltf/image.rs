@@ -13,10 +13,8 @@ use crate::{
     texture::{self, Decoded},
     textures::{Room, Textures},
 };
-use image::ImageReader;
 use serde::Deserialize;
 use softras::scene::Texture;
-use std::io::Cursor;
 
 /// Numbers of glTF's modes of wrapping and filtering.
 const CLAMP: usize = 33071;
@@ -266,6 +264,5 @@ fn read(source: &mut Source, document: &mut Document, index: usize, room: Room) 
         }
     };
     let file = document.image(source, image).map_err(said)?;
-    let bytes = file.bytes();
-    texture::decode(ImageReader::new(Cursor::new(bytes)), bytes.len() as u64, source.options.srgb, room)
+    texture::decode_bytes(file.bytes(), source.options.srgb, room)
 }
