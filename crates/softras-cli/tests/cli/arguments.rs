@@ -64,7 +64,7 @@ fn what_cannot_be_done_exits_with_1_and_names_the_file() {
     let broken = "v 0 0 0\nv 1 0 0\nv 0 oops 0\nf 1 2 3\n";
     fs::write(folder.path().join("broken.obj"), broken).unwrap();
     fails(folder.path(), &["render", "none.obj", "-o", "a.png"], 1, &["none.obj"]);
-    fails(folder.path(), &["render", "broken.obj", "-o", "a.png"], 1, &["broken.obj: no faces", "not a number"]);
+    fails(folder.path(), &["render", "broken.obj", "-o", "a.png"], 1, &["broken.obj:3: no faces", "not a number"]);
     fails(folder.path(), &["render", "broken.obj", "-o", "no/a.png"], 1, &["no", "folder"]);
     fails(folder.path(), &["render", ".", "-o", "a.png"], 1, &["."]);
     fails(folder.path(), &["mesh", "cube", "-o", "no/a.obj"], 1, &["no", "folder"]);
