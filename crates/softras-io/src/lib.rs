@@ -119,7 +119,8 @@ pub fn load_with(path: impl AsRef<Path>, options: &LoadOptions) -> Result<Loaded
         let (line, reasons) = source.notes.reasons(3);
         let reasons = if reasons.is_empty() { "its points are not drawn".into() } else { reasons };
         let what = format!("no faces ({} vertices): {reasons}", mesh.positions().len());
-        return Err(fault_at(path, line, what, "give a mesh with triangles (MeshLab makes them of points: Screened Poisson)"));
+        let fix = "give a mesh with triangles (MeshLab makes them of points: Screened Poisson)";
+        return Err(fault_at(path, line, what, fix));
     }
     source.loaded(mesh)
 }
