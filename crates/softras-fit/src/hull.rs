@@ -118,7 +118,7 @@ pub(super) fn views(targets: &Views, times: usize) -> Result<Vec<View>> {
         let distance = signed_distance(&enlarged(&picture, times))?;
         let camera = match camera.intrinsics((picture.width as u32, picture.height as u32)) {
             Some([fx, fy, cx, cy]) => Camera::from_affine(camera.matrix(), Projection::Pinhole { fx, fy, cx, cy })?,
-            None => camera.clone(),
+            None => *camera,
         };
         Ok(View { camera, distance, height: picture.height as f64, is_cut: is_cut(&picture), depths })
     };

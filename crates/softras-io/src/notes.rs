@@ -49,10 +49,11 @@ impl Notes {
         self.push(MAX_NOTES, Note { file: Some(file.into()), line, times: 1, what: what.into() });
     }
 
-    /// The line of the first note, and the texts of the first notes.
+    /// The line of the first note if it is of the mesh file, and the texts of the first notes.
     pub fn reasons(&self, most: usize) -> (Option<usize>, String) {
         let texts: Vec<&str> = self.all.iter().take(most).map(|note| note.what.as_str()).collect();
-        (self.all.first().and_then(|note| note.line), texts.join("; "))
+        let first = self.all.first().filter(|note| note.file.is_none());
+        (first.and_then(|note| note.line), texts.join("; "))
     }
 
     fn push(&mut self, most: usize, note: Note) {

@@ -6,7 +6,6 @@ use image::{
 };
 use softras::{Error, Result};
 use std::{
-    fs::File,
     io::{self, BufReader, Read, Seek},
     path::Path,
 };
@@ -72,11 +71,12 @@ impl PictureFile {
     /// # Errors
     /// As [`input::open`]; [`Error::File`] for what is no picture or has sides of 0 or more than 16384 pixels.
     pub fn open(path: &Path) -> Result<Self> {
-        let file_bytes = input::open(path)?.metadata().map_or(0, |metadata| metadata.len());
+        let file = input::open(path)?;
+        let file_bytes = file.metadata().map_or(0, |metadata| metadata.len());
         input::refuse_empty(path, file_bytes)?;
         let refuse = |error| refuse(path, &error);
         let io = |error| refuse(image::ImageError::IoError(error));
-        let mut reader = File::open(path).and_then(|file| reader(file, Some(path))).map_err(io)?;
+        let mut reader = reader(file, Some(path)).map_err(io)?;
         let is_lossy = matches!(reader.format(), Some(ImageFormat::Jpeg | ImageFormat::WebP));
         let mut limits = limits();
         // The caller counts pixels; this is for what a decoder needs besides them.

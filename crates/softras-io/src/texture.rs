@@ -11,7 +11,7 @@ use softras::{
     Error, Result,
     scene::{Texture, Wrap},
 };
-use std::{fs::File, io::Cursor, path::Path};
+use std::{io::Cursor, path::Path};
 
 /// A decoded image.
 pub struct Decoded {
@@ -40,10 +40,10 @@ pub fn read(source: &mut Source, path: &Path, srgb: bool, room: Room) -> std::re
         // The caller names the file.
         Error::File { what, fix, .. } => format!("{what} ({fix})"),
         other => other.to_string(),
-    });
-    let length = file?.metadata().map_or(0, |metadata| metadata.len());
-    let reader = File::open(path).and_then(|file| picture_file::reader(file, Some(path)));
-    let decoded = decode(reader.map_err(|error| error.to_string())?, length, srgb, room)?;
+    })?;
+    let length = file.metadata().map_or(0, |metadata| metadata.len());
+    let reader = picture_file::reader(file, Some(path)).map_err(|error| error.to_string())?;
+    let decoded = decode(reader, length, srgb, room)?;
     if !source.files.iter().any(|file| file == path) {
         source.files.push(path.into());
     }

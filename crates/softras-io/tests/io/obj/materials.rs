@@ -108,19 +108,23 @@ fn faces_without_a_texture_get_an_image_of_their_colour() {
 
 #[test]
 fn jpeg_grey_deep_and_transparent_images_are_read() {
+    use image::{DynamicImage, ImageBuffer, ImageFormat::*};
     let write = |image: image::DynamicImage, format| {
         let mut bytes = std::io::Cursor::new(Vec::new());
         image.write_to(&mut bytes, format).unwrap();
+        // A name tells the format where the content does not, which is that of TGA alone.
+        let name = if format == Tga { "t.tga" } else { "t.png" };
+        let mtl = format!("newmtl t\nmap_Kd {name}");
         let files: [(&str, &[u8]); 3] =
-            [("mesh.obj", TEXTURED.as_bytes()), ("mesh.mtl", b"newmtl t\nmap_Kd t.png"), ("t.png", bytes.get_ref())];
+            [("mesh.obj", TEXTURED.as_bytes()), ("mesh.mtl", mtl.as_bytes()), (name, bytes.get_ref())];
         let loaded = load_in(&folder(&files)).unwrap();
-        let Appearance::Textured { textures, .. } = loaded.mesh.appearance() else { panic!() };
+        let Appearance::Textured { textures, .. } = loaded.mesh.appearance() else { panic!("{:?}", loaded.notes) };
         assert_eq!(loaded.opacity, [0.0; 0]);
         (textures[0].texels()[0], textures[0].alpha().map(|alpha| alpha[0]), loaded.notes)
     };
-    use image::{DynamicImage, ImageBuffer, ImageFormat::*};
     let grey = DynamicImage::ImageLuma8(ImageBuffer::from_pixel(3, 2, image::Luma([51])));
-    assert_eq!(write(grey, Png), ([0.2; 3], None, vec![]));
+    assert_eq!(write(grey.clone(), Png), ([0.2; 3], None, vec![]));
+    assert_eq!(write(grey, Tga), ([0.2; 3], None, vec![]));
     let deep = DynamicImage::ImageRgb16(ImageBuffer::from_pixel(3, 2, image::Rgb([1, 0, 65535])));
     assert_eq!(write(deep, Png), ([1.0 / 65535.0, 0.0, 1.0], None, vec![]));
     let glass = DynamicImage::ImageRgba8(ImageBuffer::from_pixel(3, 2, image::Rgba([255, 0, 0, 9])));

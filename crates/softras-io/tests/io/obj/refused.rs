@@ -32,6 +32,9 @@ fn malformed_meshes_are_refused_with_their_line() {
         let error = load_text(&text).err().unwrap_or_else(|| panic!("taken: {text}"));
         assert_refused(error, "mesh.obj", *line, words);
     }
+    // The first note is on a line of another file.
+    let files = [("mesh.obj", format!("mtllib mesh.mtl\n{V}")), ("mesh.mtl", "newmtl t\nKd 1 0".into())];
+    assert_refused(load_in(&folder(&files)).unwrap_err(), "mesh.obj", None, &["no faces", "malformed colour"]);
     let mut comb = String::new();
     (0..3000).for_each(|i| comb += &format!("v {} {i} 0\n", if i == 0 { 2 } else { i % 2 }));
     comb += "f";
