@@ -74,7 +74,7 @@ enum Source {
     Packaged,
 }
 
-/// What is done with compiled SPIR-V besides including it.
+/// The use of compiled SPIR-V besides including it: none, to write it to `glsl/spirv`, or to compare it with that folder.
 enum Then {
     Nothing,
     Write,

@@ -112,7 +112,7 @@ class Build:
                 features=", ".join(f'"{name}"' for name in features),
             )
         )
-        # The same versions of the dependencies as the commit's own programs have.
+        # The lock file has the versions of the dependencies that the commit's own programs have.
         shutil.copy(source / "Cargo.lock", self.package / "Cargo.lock")
         # The task is looked for beside the package.
         link = self.folder / "shared"

@@ -235,7 +235,7 @@ FOLDERS = [
 
 
 def run(program, folder, *arguments):
-    """What was printed, the exit code, seconds, processor seconds and the peak of memory in MB."""
+    """The program's output, its exit code, seconds, processor seconds and the peak of memory in MB."""
     began = time.time()
     with tempfile.TemporaryFile() as told:
         process = subprocess.Popen([program, *map(str, arguments)], cwd=folder, stdout=told, stderr=told)

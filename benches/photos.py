@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Fits to disturbed photographs of a mesh: python3 benches/photos.py [--softras PROGRAM] [--only WORD] [--keep FOLDER] [MESH.obj ...]
 
-Of 24 pictures of 128² pixels that the program makes of each mesh, 16 are disturbed and fitted to. The other eight judge the result, with
+For each mesh the program makes 24 pictures of 128² pixels: 16 are disturbed and fitted to, the other eight judge the result, with
 their true cameras. Each row is a disturbance: the mask IoU and the colour error of the eight, those that the fit itself reports
 of the views that it holds out, parts and genus, seconds, and the notes. Needs numpy and Pillow.
 """
@@ -75,7 +75,7 @@ def turned(degrees):
 
 
 def pointing(pixels):
-    """Each camera turned about itself, so that its picture is off by so many pixels."""
+    """Each camera turned about itself, so that its picture is off by `pixels` pixels."""
     def change(views, center, rng):
         poses = [np.array(view["world_to_camera"]) for view in views]
         ways = [rng.uniform(0, 2 * math.pi) for _ in views]

@@ -1,4 +1,4 @@
-//! What recording costs the host's thread: a forward and a backward pass into a command buffer, nothing executed.
+//! The time that recording takes on the host's thread: a forward and a backward pass into a command buffer, nothing executed.
 //!
 //! `cargo bench --bench record`
 // It plays the host and passes raw Vulkan handles.

@@ -6,7 +6,7 @@ use std::path::Path;
 /// A macro and its value.
 pub type Macro = (&'static str, &'static str);
 
-/// What a compiler makes of one kernel.
+/// The SPIR-V and the warnings of one compiled kernel.
 pub struct Compiled {
     pub words: Vec<u32>,
     /// Lines to show as warnings, each naming its file and line.

@@ -4,7 +4,7 @@ use super::reflect::{Member, Reflection};
 use std::fmt::Write;
 use std::path::Path;
 
-/// The static of one kernel, of so many SPIR-V words, which lie beside the output as `NAME.spv`.
+/// The Rust static of one kernel of `words` SPIR-V words, which lie beside the output as `NAME.spv`.
 pub fn kernel(name: &str, source: &Path, words: usize, r: &Reflection) -> String {
     let push_bytes = r.push_members.iter().map(|m| m.offset + m.size).max().unwrap_or(0).next_multiple_of(4);
     let mut rust = format!("/// `{}`.\npub static {}: Kernel = Kernel {{\n", source.display(), name.to_uppercase());

@@ -17,7 +17,7 @@ pub enum Type {
     Pointer { pointee: u32 },
 }
 
-/// What a module declares, by ids.
+/// The declarations of a module, by ids.
 #[derive(Default)]
 pub struct Module {
     pub names: HashMap<u32, String>,

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 const FOLDER: &str = "glsl/spirv";
 
-/// What the manifest says.
+/// The content of `MANIFEST`.
 pub struct Manifest {
     /// The hash of the sources.
     sources: String,
@@ -17,7 +17,7 @@ pub struct Manifest {
 }
 
 impl Manifest {
-    /// What it should say today.
+    /// The manifest of today's sources, compiled by `compiler`.
     pub fn of(compiler: &str) -> Result<Self, String> {
         Ok(Self { sources: hash_of_sources()?, compiler: compiler.to_string() })
     }

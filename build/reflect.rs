@@ -8,7 +8,7 @@ use super::module::{Module, Type};
 use spirv::{Capability, Decoration, Dim, ImageFormat, StorageClass};
 use std::collections::BTreeMap;
 
-/// What a binding holds, as the name of a variant of `BindingKind` in the library.
+/// The kind of a binding, as the name of a variant of `BindingKind` in the library.
 pub type Kind = &'static str;
 
 /// One descriptor of set 0.
@@ -48,7 +48,7 @@ pub struct Specialization {
 
 /// The interface of a kernel.
 pub struct Reflection {
-    /// What the module requires of a device, by SPIR-V's names.
+    /// The capabilities that the module requires of a device, by SPIR-V's names.
     pub capabilities: Vec<String>,
     /// Bytes of `shared` variables, specialization constants at their defaults.
     pub shared_bytes: u32,

@@ -91,7 +91,7 @@ pub struct Report {
     pub target: [f32; 3],
     /// The last frame's image with the engine's triangles: linear RGBA.
     pub pixels: Vec<f32>,
-    /// What the validation layer said, destruction included.
+    /// The messages of the validation layer, those on destruction included.
     pub messages: Vec<String>,
 }
 
@@ -116,7 +116,7 @@ struct Flight {
     picture: Buffer,
 }
 
-/// What all frames share.
+/// The objects that all frames share.
 struct Shared {
     /// Read by softras, moved by Adam, drawn by the engine.
     vertices: Buffer,

@@ -108,7 +108,7 @@ void add_shading_gradients(ItemTriangle item, Pair pairs[PAIRS], PairDistance di
     }
 }
 
-// The same for fragments that contribute to the silhouette only. Their opacity depends on the surface too.
+// Adds the gradients of fragments that contribute to the silhouette only. Their opacity depends on the surface too.
 void add_opacity_gradients(ItemTriangle item, Pair pairs[PAIRS], PairDistance distances[PAIRS], PixelGradient g[PAIRS],
                            Fragment f[PAIRS], Surface surface[PAIRS], Opacity opacity[PAIRS], float by_alpha[PAIRS],
                            inout float by_t[PAIRS], inout Sums s) {
@@ -177,8 +177,8 @@ void put(bool writes, int at, vec4 value) {
     }
 }
 
-// The same for three components, and a fourth that only gradients by sigma and gamma have. On a software device each component
-// that is written takes the same time.
+// Writes the sum over the lanes of three components, and of a fourth that only gradients by sigma and gamma have. On a software
+// device each component that is written takes the same time.
 void put(bool writes, int at, vec3 value, float scalar) {
     if (GRAD_SCALARS) {
         put(writes, at, vec4(value, scalar));

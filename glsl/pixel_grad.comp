@@ -39,7 +39,7 @@ layout(set = 0, binding = 14, std430) writeonly buffer SilhouetteGradients { flo
 #include "common/arithmetic.glsl"
 #include "common/tile.glsl"
 
-// What saved_of in pixel.glsl saved of a pixel.
+// The values that saved_of in pixel.glsl saved of a pixel.
 struct SavedPixel {
     // The pixel's log2 sum of weights, as integer part and fraction. In the hard mode the nearest record's index.
     vec2 reference;

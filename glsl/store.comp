@@ -25,8 +25,8 @@ layout(push_constant) uniform Push {
     uint alpha_component;
     // STORE_ bits.
     uint flags;
-    // Of a depth buffer: a constant, a factor of the view depth or of its inverse, the value of pixels that are not covered,
-    // and the silhouette from which on a pixel is covered.
+    // For a depth buffer: a constant, a factor of the view depth or of its inverse, the value of pixels that are not covered,
+    // and the least silhouette of a covered pixel.
     float depth_constant;
     float depth_factor;
     float depth_clear;

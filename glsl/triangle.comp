@@ -148,7 +148,7 @@ void write_cells(int record_index, ivec4 box) {
     if (more > 0u || uint(size.x * size.y) > LARGE_BOX) {
         atomicOr(status[STATUS_LARGE_BOXES], 1u);
     }
-    // No box has so many cells that the sum of all could exceed 32 bits. A software device would divide integers lane by lane.
+    // A box gets cells if cells times records fit 32 bits: then the sum of all fits. A software device divides lane by lane.
     uint beyond;
     uint sum;
     umulExtended(more, frame.record_count, beyond, sum);

@@ -96,7 +96,7 @@ void add_large(Shape shape, int next, int end, inout vec3 by_screen, inout vec3 
     }
 }
 
-// The same with PER_VERTEX, from the sums of backward by the corners' pixels and depth.
+// Adds a vertex's gradients in one view with PER_VERTEX, from the sums of backward by the corners' pixels and depth.
 void add_projected(int view, Shape shape, int vertex, inout vec3 position, inout vec3 color) {
     int at = shape.adjacency_base + vertex;
     int first = int(texelFetch(adjacency, at).x);
@@ -128,7 +128,7 @@ void add_projected(int view, Shape shape, int vertex, inout vec3 position, inout
 void main() {
     int mesh = int(gl_WorkGroupID.y);
     int vertex = int(gl_GlobalInvocationID.x);
-    // A single mesh is drawn in all views. Of several meshes each is drawn in its own view.
+    // A single mesh is drawn in all views. Several meshes are drawn in one view each.
     int first = frame.mesh_count == 1u ? 0 : mesh;
     int last = frame.mesh_count == 1u ? int(frame.view_count) - 1 : mesh;
     if (vertex >= shape_of(first).vertex_count) {

@@ -9,7 +9,7 @@ pub enum Error {
     /// A mesh's data is inconsistent or not finite.
     #[error("mesh: {what} at {place}: {fix}")]
     Mesh {
-        /// What is wrong ("position is not finite").
+        /// The fault ("position is not finite").
         what: String,
         /// Where it is ("vertex 17", "triangle 3, corner 1").
         place: String,
@@ -49,7 +49,7 @@ pub enum Error {
     /// The numbers of meshes and cameras do not match, or parameters belong to another scene.
     #[error("scene: {what}: {fix}")]
     Scene {
-        /// What is wrong.
+        /// The fault.
         what: String,
         /// How to fix it.
         fix: String,
@@ -59,7 +59,7 @@ pub enum Error {
     Io {
         /// The file.
         path: PathBuf,
-        /// What the operating system said.
+        /// The operating system's error.
         source: std::io::Error,
     },
     /// A file's content is malformed.
@@ -69,7 +69,7 @@ pub enum Error {
         path: PathBuf,
         /// The line, counted from 1, where the format has lines.
         line: Option<usize>,
-        /// What is wrong.
+        /// The fault.
         what: String,
         /// How to fix it.
         fix: String,
@@ -77,7 +77,7 @@ pub enum Error {
     /// There is no Vulkan loader, no driver, or no device with what the kernels need.
     #[error("{what}: {fix}")]
     NoDevice {
-        /// What was looked for.
+        /// The device, driver or loader that is missing or unfit.
         what: String,
         /// How to fix it.
         fix: String,
@@ -120,7 +120,7 @@ pub enum Error {
     /// it.
     #[error("backward: {what}: {fix}")]
     Backward {
-        /// What is missing or does not fit.
+        /// The thing that is missing or does not fit.
         what: String,
         /// How to fix it.
         fix: String,
@@ -128,7 +128,7 @@ pub enum Error {
     /// The inputs of a fit are inconsistent or out of range.
     #[error("fit: {what}: {fix}")]
     Fit {
-        /// What is wrong.
+        /// The fault.
         what: String,
         /// How to fix it.
         fix: String,
@@ -136,7 +136,7 @@ pub enum Error {
     /// Handles, buffers or plans of an embedding host are unusable or do not belong together.
     #[error("host: {what}: {fix}")]
     Host {
-        /// What is wrong.
+        /// The fault.
         what: String,
         /// How to fix it.
         fix: String,

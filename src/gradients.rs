@@ -74,7 +74,7 @@ impl ImageGradient {
     }
 }
 
-/// What the gradient of a fragment, a (pixel, triangle) pair, flows through.
+/// The paths that the gradient of a fragment, a (pixel, triangle) pair, takes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum GradientMode {
     /// Everything: the derivative of the image as it is rendered.
@@ -87,7 +87,7 @@ pub enum GradientMode {
     Paper,
 }
 
-/// The inputs to differentiate by. What is not asked for is not computed.
+/// The inputs to differentiate by. A gradient that is not asked for is not computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct GradientRequest {
     /// Vertex positions.
@@ -157,7 +157,7 @@ pub struct MeshGradients {
     pub surface_texels: Vec<[f32; 3]>,
     /// By each texture's texels, row 0 at the top.
     pub texture_texels: Vec<Vec<[f32; 3]>>,
-    /// By each texture's alpha, row 0 at the top; empty for an opaque texture. What comes through the colours is
+    /// By each texture's alpha, row 0 at the top; empty for an opaque texture. The part that comes through the colours is
     /// (w/α) (v - V) with w/α limited to 256: without the limit a texel of alpha 0 before a surface would overflow.
     pub texture_alphas: Vec<Vec<f32>>,
     /// By each UV pair.

@@ -29,7 +29,7 @@
 //! # Conventions
 //! World space is right-handed with y up. View space has x right, y up, and the depth z growing forward. On the screen y
 //! runs from -1 to 1 upwards and x from -a to a, a = width / height; one screen unit is half the image's height on both
-//! axes. Row 0 of an image is its top. Images are not mirrored. Colours are linear. The same input gives the same bits.
+//! axes. Row 0 of an image is its top. Images are not mirrored. Colours are linear. Equal input gives equal bits.
 //!
 //! # Glossary
 //! - *fragment*: a (pixel, triangle) pair. Its coverage is D = sigmoid(±d²/σ), d the distance to the edge, plus inside.

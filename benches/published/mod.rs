@@ -31,7 +31,7 @@ pub const PEERS: [Peer; 4] = [
 pub struct PeerError {
     /// The largest of any value, from the model without truncation.
     pub untruncated: f64,
-    /// The same of the silhouette alone.
+    /// The largest of the silhouette alone, from the model without truncation.
     pub silhouette: f64,
     /// The largest from the peer's own equations with its own truncation: the cost of its single precision.
     pub rounding: f64,

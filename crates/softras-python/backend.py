@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""What pip builds the package with: maturin, and a file with the licences of softras and of all that is linked in, as cargo knows them.
+"""The build backend of the package: maturin, and a file with the licences of softras and of all that is linked in, as cargo knows them.
 
 As a program it writes the file alone.
 """

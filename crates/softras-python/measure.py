@@ -50,7 +50,7 @@ def torch_step(mesh, cameras, settings):
 
 
 def jax_step(mesh, cameras, settings):
-    """The same with a compiled function of JAX."""
+    """A step by a compiled function of JAX, as a function that returns its milliseconds."""
     import jax
 
     import softras.jax as sj

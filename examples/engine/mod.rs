@@ -25,7 +25,7 @@ pub struct Engine {
     pub family: u32,
 }
 
-/// What every object of the engine keeps alive.
+/// The handles and the allocator that every object of the engine keeps alive.
 pub struct Core {
     pub device: ash::Device,
     pub instance: ash::Instance,
@@ -68,7 +68,7 @@ impl Engine {
         Self::open(validation, false)
     }
 
-    /// The same with every feature that Vulkan 1.0 knows and the device has.
+    /// Opens a device as [`new`](Self::new) does, with every feature that Vulkan 1.0 knows and the device has.
     pub fn with_features(validation: bool) -> Outcome<Self> {
         Self::open(validation, true)
     }
@@ -128,7 +128,7 @@ impl Engine {
         if self.core.messenger.is_some() { unsafe { host.with_debug_utils() } } else { host }
     }
 
-    /// What the validation layer said; readable when the engine is gone.
+    /// The messages of the validation layer; readable when the engine is gone.
     pub fn log(&self) -> Arc<Log> {
         self.core.log.clone()
     }
@@ -232,7 +232,7 @@ impl Commands {
         Ok(self.raw)
     }
 
-    /// The begun command buffer as softras takes it. What is recorded must be kept until it has been waited for.
+    /// The begun command buffer as softras takes it. Keep all that is recorded until it has been waited for.
     pub fn host(&self) -> HostCommands {
         unsafe { HostCommands::new(self.raw) }
     }

@@ -237,22 +237,22 @@ const uint SELFTEST_LOCAL_SIZE = 64u;
 // The offset that the self test adds by default.
 const float SELFTEST_OFFSET = 0.5;
 
-// What a place kernel does with the gradients in a host's buffer: write them.
+// Use of a host's buffer of gradients by a place kernel: write the gradients.
 const uint TARGET_WRITE = 0u;
-// What a place kernel does with the gradients in a host's buffer: write zeros, before several meshes add theirs.
+// Use of a host's buffer of gradients by a place kernel: write zeros, before several meshes add theirs.
 const uint TARGET_CLEAR = 1u;
-// What a place kernel does with the gradients in a host's buffer: add them, if several meshes share the buffer.
+// Use of a host's buffer of gradients by a place kernel: add the gradients, if several meshes share the buffer.
 const uint TARGET_ADD = 2u;
 
-// Bit of what `store` does: encode colour as sRGB.
+// Bit of the flags of `store`: encode colour as sRGB.
 const uint STORE_SRGB = 1u;
-// Bit of what `store` does: store the triangles' colour alone, not multiplied by the silhouette.
+// Bit of the flags of `store`: store the triangles' colour alone, not multiplied by the silhouette.
 const uint STORE_STRAIGHT = 2u;
-// Bit of what `store` does: store the triangles' colour alone, multiplied by the silhouette.
+// Bit of the flags of `store`: store the triangles' colour alone, multiplied by the silhouette.
 const uint STORE_PREMULTIPLIED = 4u;
-// Bit of what `store` does: the images are blended with the background by the silhouette.
+// Bit of the flags of `store`: the images are blended with the background by the silhouette.
 const uint STORE_COMPOSITE = 8u;
-// Bit of what `store` does: store the value of the host's depth buffer in place of the view depth.
+// Bit of the flags of `store`: store the value of the host's depth buffer in place of the view depth.
 const uint STORE_DEPTH = 16u;
-// Bit of what `store` does: the host's projection has perspective.
+// Bit of the flags of `store`: the host's projection has perspective.
 const uint STORE_PERSPECTIVE = 32u;

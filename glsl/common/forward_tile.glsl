@@ -1,4 +1,4 @@
-// What the forward kernels have in common: their buffers, the tile's list, and how they write a finished tile.
+// Common parts of the forward kernels: their buffers, the tile's list, and how they write a finished tile.
 // With WALKED the list is not in memory. The lanes share the entries at hand: those found but not yet added (walked_tile.glsl).
 // The file that includes this one defines first_pixel, finished and gather_entries.
 
@@ -69,7 +69,7 @@ ivec2 lane_corner(TileLocation tile) {
     return tile.corner + ivec2(lane % int(TILE_WIDTH), lane / int(TILE_WIDTH));
 }
 
-// What all pairs of a lane have in common. Push constants are copied: on a software device each read in a loop is a gather.
+// The constants of all pairs of a lane. Push constants are copied: on a software device each read in a loop is a gather.
 struct LaneConstants {
     // The lane's first pixel.
     vec2 first;

@@ -15,7 +15,7 @@ layout(push_constant) uniform Push {
     // first.
     uint stride;
     uint offset;
-    // The same for transforms.
+    // Layout of the host's transforms, or of their gradients if the kernel writes these, in words likewise.
     uint transform_stride;
     uint transform_offset;
     // place_indices: bits of an index. place_uvs: 1 if the host's v grows downwards. place_vertex_grad: the texel of

@@ -1,9 +1,9 @@
-// What forward computed for a fragment, that is for a (pixel, triangle) pair, as backward computes it again: one function for
-// each step of eq. 1 to 3. pair_gradient.glsl has the derivatives.
+// The values that forward computed for a fragment, that is for a (pixel, triangle) pair. Backward computes them again, with one
+// function for each step of eq. 1 to 3. pair_gradient.glsl has the derivatives.
 // Needs fragment.glsl, item_pixels.glsl, gradient_modes.glsl, SHOWS and the buffers `saved`,
 // `pixel_gradients` and `silhouette_gradients`.
 
-// What all pairs of an item have in common. Push constants are copied: on a software device each read in a loop is a gather.
+// The constants of all pairs of an item. Push constants are copied: on a software device each read in a loop is a gather.
 struct ItemTriangle {
     Triangle edges;
     Corner corner;
@@ -17,7 +17,7 @@ struct ItemTriangle {
     float weight_slope;
 };
 
-// What forward and pixel_grad.comp computed for a pixel.
+// The values that forward and pixel_grad.comp computed for a pixel.
 struct PixelGradient {
     // dL by the mixture Σ w C, by the depth and by the normal.
     vec3 by_color;

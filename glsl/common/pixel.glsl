@@ -12,7 +12,7 @@ struct Excess {
     vec3 normal;
 };
 
-// What a word, which is WORD_BITS entries of a tile's list, contributes to a pixel's silhouette: the factor Π(1 - D), and 1 -
+// The contribution of a word, which is WORD_BITS entries of a tile's list, to a pixel's silhouette: the factor Π(1 - D), and 1 -
 // Π(1 - D), which keeps its own digits where D is small. The modes other than the product have their aggregate in `covered`.
 struct Cover {
     float transmittance;
@@ -128,9 +128,9 @@ float aggregate_of(Pixel p) {
     return LEAST_APART ? p.silhouette * p.least : p.silhouette;
 }
 
-// What forward saves for backward: the log2 sum of weights, as integer part and fraction, the silhouette's aggregate, and with
-// LEAST_APART its least factor. In the hard mode the record index stands in place of the sum. With the sum as the reference
-// w_j = D_j exp2(log weight - reference) (eq. 3).
+// The values that forward saves for backward: the log2 sum of weights, as integer part and fraction, the silhouette's aggregate,
+// and with LEAST_APART its least factor. In the hard mode the record index stands in place of the sum. With the sum as the
+// reference w_j = D_j exp2(log weight - reference) (eq. 3).
 vec4 saved_of(Pixel p) {
     // The record index goes into two floats that hold it exactly.
     bool hard = COLOR_MODE == COLOR_HARD;

@@ -1,4 +1,4 @@
-// What an item contributes to, among the images that have upstream gradients.
+// The images that an item contributes to, among those that have upstream gradients.
 // Needs constants.glsl, modes.glsl, gradient_modes.glsl, frame.glsl, item.glsl, hidden.glsl and the buffer `tile_bounds`.
 
 struct Relevance {

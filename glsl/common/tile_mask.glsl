@@ -5,7 +5,7 @@
 // A column past the last one.
 const float COLUMNS_END = float(BIN_TILES) + 1.0;
 
-// What the tests of a triangle against the rows of tiles in one bin need.
+// The inputs of the tests of a triangle against the rows of tiles in one bin.
 struct Reach {
     // Each edge bounds the columns of the tiles that touch the grown triangle, from below or above: `first` or `last` in row
     // 0, and a step per row. On the side that it does not bound it has -1 or COLUMNS_END, and a step of 0.

@@ -23,7 +23,7 @@ shared uint lanes_live;
 shared uint lanes_away;
 shared uint lanes_thin;
 
-// What a walk is for.
+// The phases of the walks over a bin: count the entries, add the front faces, add the back faces, end.
 const uint COUNT = 0u;
 const uint FRONT = 1u;
 const uint BACK = 2u;

@@ -16,7 +16,7 @@ use crate::scene::{Background, Camera, Lights, Outputs, Projection, Scene, Setti
 use crate::vulkan::{BufferRef, DeviceKind, Limits, vk};
 use std::sync::Arc;
 
-/// What a pass is to render, and what of it is to be differentiated. Made by [`Rasterizer::pass`] or [`Rasterizer::scene_pass`].
+/// A pass to plan: what it renders and what of that it differentiates. Made by [`Rasterizer::pass`] or [`Rasterizer::scene_pass`].
 #[derive(Clone, Debug)]
 #[must_use]
 pub struct PassBuilder {
@@ -42,7 +42,7 @@ pub struct PassBuilder {
     device_counts: bool,
 }
 
-/// What is drawn.
+/// The meshes to draw.
 #[derive(Clone, Debug)]
 pub(super) enum Content {
     /// A host's meshes: all of them in every view or, if `separate`, one for each view.
@@ -181,7 +181,7 @@ impl PassBuilder {
     }
 
     /// Promises that no triangle of the meshes crosses the near plane and none lies beyond the far one: the frame takes
-    /// half the memory and less time. If the promise is broken, the image is wrong. Of a scene softras knows it.
+    /// half the memory and less time. If the promise is broken, the image is wrong. softras tests the meshes of a scene itself.
     pub fn inside_planes(mut self) -> Self {
         self.inside_planes = true;
         self
@@ -193,7 +193,7 @@ impl PassBuilder {
         self
     }
 
-    /// What to differentiate by; without this call there is no backward pass.
+    /// The gradients to compute; without this call there is no backward pass.
     pub fn gradients(mut self, wanted: GradientRequest) -> Self {
         self.wanted = Some(wanted);
         self
@@ -407,7 +407,7 @@ impl PassPlan {
 
     /// The builder of this plan, for a changed one: other meshes, more room.
     pub fn builder(&self) -> PassBuilder {
-        // What changed since it was bound.
+        // The lights may have changed since the pass was bound.
         PassBuilder { lights: self.frame.shape.lights.clone(), ..self.builder.clone() }
     }
 
@@ -466,7 +466,7 @@ impl PassPlan {
         Some(copy)
     }
 
-    /// What the status in the readback buffer's bytes says of a frame of this plan.
+    /// The status of a frame of this plan, from the readback buffer's bytes.
     ///
     /// # Errors
     /// [`Error::Host`] for fewer bytes than a status has; [`Error::NotFinite`] where the device's arithmetic
@@ -483,7 +483,7 @@ impl PassPlan {
     }
 }
 
-/// What became of a frame.
+/// The outcome of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PassStatus {
     /// Its images and gradients are valid, and its lists had room.

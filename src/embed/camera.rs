@@ -4,7 +4,7 @@ use crate::error::{Error, Result};
 use crate::scene::{Camera, Projection, validate_rotation};
 use glam::DMat4;
 
-/// What a host's projection matrices map to. The default is Vulkan's clip space as it is; wgpu's is `y_up`.
+/// The clip space that a host's projection matrices map to. The default is Vulkan's as it is; wgpu's is `y_up`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ClipSpace {
     /// y = 1 is the upper border of the image: wgpu, Direct3D, OpenGL, and Vulkan with a viewport of negative height. By
@@ -12,8 +12,8 @@ pub struct ClipSpace {
     pub y_up: bool,
     /// z runs from -1 to 1, as in OpenGL, and the depth buffer holds (z + 1) / 2. By default it runs from 0 to 1.
     pub symmetric_z: bool,
-    /// Nearer points have a larger z. Only orthographic projections need to be told: of a perspective projection the matrix
-    /// says which way the camera looks.
+    /// Nearer points have a larger z. Only orthographic projections need to be told: a perspective projection's matrix says
+    /// which way the camera looks.
     pub reversed_z: bool,
 }
 
@@ -40,7 +40,7 @@ pub(crate) struct DepthMap {
     pub perspective: bool,
     pub constant: f64,
     pub factor: f64,
-    /// What the host clears its depth buffer to: the value farthest away.
+    /// The value that the host clears its depth buffer to: the one farthest away.
     pub clear: f64,
 }
 
@@ -184,7 +184,7 @@ impl HostCamera {
         Ok(Self { camera: Camera::from_affine(view, projection)?, depth, planes: [near, far] })
     }
 
-    /// What softras renders with.
+    /// The camera that softras renders with.
     pub fn camera(&self) -> &Camera {
         &self.camera
     }

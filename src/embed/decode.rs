@@ -30,7 +30,7 @@ pub struct Decoder<'a> {
     pub lights: &'a Lights,
 }
 
-/// The first so many floats of a buffer by its id.
+/// Gives the first floats of a buffer, from its id and their number.
 type Floats<'a> = &'a dyn Fn(BufferId, usize) -> Result<&'a [f32]>;
 
 impl Decoder<'_> {

@@ -4,7 +4,7 @@ use crate::constants as c;
 use crate::error::{Error, Result};
 use crate::frame::plan::MOST_TRIANGLES;
 
-/// What one draw of a host draws, as VkDrawIndexedIndirectCommand has it, and how many vertices it reads.
+/// One draw of a host, as VkDrawIndexedIndirectCommand has it, and the number of vertices that it reads.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Draw {
     /// The vertex that index 0 stands for.
@@ -28,7 +28,7 @@ pub struct Layout {
     pub offset: u32,
 }
 
-/// What an index is.
+/// The size of an index.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum IndexFormat {
     /// 16 bits.
@@ -53,7 +53,7 @@ pub(super) struct Geometry {
     draws: Vec<Draw>,
     /// Where it begins in the frame's `positions`, in vertices; 0 unless other geometry or other meshes come before.
     pub first_vertex: u32,
-    /// The same in the frame's `indices`, in triangles.
+    /// Where it begins in the frame's `indices`, in triangles; 0 likewise.
     pub first_triangle: u32,
     /// Vertices of the same mesh before it; indices count from the mesh's first.
     pub mesh_vertex: u32,
@@ -137,7 +137,7 @@ impl Geometry {
     }
 }
 
-/// The number of workgroups of 64 invocations for so many elements, in one row.
+/// The workgroups of 64 invocations for `count` elements, in rows as [`rows_of`] makes them.
 pub(super) fn linear_groups(count: u32) -> [u32; 3] {
     rows_of(count.div_ceil(c::LINEAR_GROUP))
 }
@@ -166,7 +166,7 @@ mod tests {
         assert_eq!(geometry.table(), expected);
         assert_eq!((geometry.vertices(), geometry.triangles(), geometry.instances()), (18, 8, 5));
         assert_eq!((geometry.source_vertices(), geometry.source_indices()), ((0, 9), 15));
-        // What is not drawn is not read.
+        // A draw without instances reads nothing.
         let hidden = Geometry::new(vec![draw(5, 4, 9, 2, 3), draw(1, 30, 900, 10, 0)]);
         assert_eq!((hidden.source_vertices(), hidden.source_indices()), ((5, 9), 15));
         assert!(matches!(Geometry::new(vec![draw(0, 1, 0, 1, 60_001)]).validate(), Err(Error::Limit { .. })));

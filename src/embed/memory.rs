@@ -24,7 +24,7 @@ pub struct MemoryRequirement {
     pub kind: MemoryKind,
     /// Bytes, at least.
     pub size: u64,
-    /// What the VkBuffer is made for.
+    /// The usages that the VkBuffer is made with.
     pub usage: vk::BufferUsageFlags,
     /// The alignment of its offset if it is a part of a larger VkBuffer.
     pub alignment: u64,
@@ -108,7 +108,7 @@ pub(super) struct Layouts {
     pub readback_size: u64,
 }
 
-/// What a pass's memory depends on besides its plans.
+/// The requests that a pass's memory depends on besides its plans.
 pub(super) struct Wishes<'a> {
     pub alignment: u64,
     pub own: &'a [BufferId],

@@ -16,7 +16,7 @@ pub struct PassMesh {
     pub(super) has_normals: bool,
 }
 
-/// What colours a mesh.
+/// The colour of a mesh: one for all of it, one for each vertex, or a texture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum MeshLook {
     /// One colour, linear r, g, b.
@@ -27,7 +27,7 @@ pub enum MeshLook {
     Texture {
         /// Texels across and down.
         size: (u32, u32),
-        /// What lies outside the unit square.
+        /// How the image goes on outside the unit square.
         wrap: Wrap,
         /// v grows downwards from the image's first row, as in glTF and Vulkan; else upwards from its last one, as in OBJ.
         v_down: bool,
@@ -105,19 +105,19 @@ impl PassMesh {
         Self { geometry: Geometry::new(draws), ..Self::new(0, indices) }
     }
 
-    /// The same mesh drawn `instances` times, each time with the next of [`MeshBuffers::transforms`].
+    /// Draws the mesh `instances` times, each time with the next of [`MeshBuffers::transforms`].
     pub fn with_instances(mut self, instances: u32) -> Self {
         let draws = self.geometry.draws().iter().map(|draw| Draw { instances, ..*draw }).collect();
         self.geometry = Geometry::new(draws);
         self
     }
 
-    /// The same in other colours.
+    /// Gives the mesh other colours.
     pub fn with_look(self, look: MeshLook) -> Self {
         Self { look, ..self }
     }
 
-    /// The same with vertex normals of the host's for smooth shading, which its kernels write into [`Pass::normals`](super::Pass::normals).
+    /// Gives the mesh the host's vertex normals for smooth shading, which its kernels write into [`Pass::normals`](super::Pass::normals).
     pub fn with_normals(self) -> Self {
         Self { has_normals: true, ..self }
     }

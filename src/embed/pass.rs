@@ -208,8 +208,8 @@ impl Pass {
         [ForwardStage::ALL.map(ForwardStage::name).into(), BackwardStage::ALL.map(BackwardStage::name).into()]
     }
 
-    /// What the setup, a frame and its gradients do with the host's buffers, for a host's render graph: each buffer with its stages
-    /// and accesses. Textures in images are read by compute shaders in the setup.
+    /// How the setup, a frame and its gradients use the host's buffers, for a host's render graph: each buffer with its stages
+    /// and accesses. Compute shaders of the setup read the textures that are images.
     pub fn uses(&self) -> [Vec<BufferUse>; 3] {
         use vk::{AccessFlags as A, PipelineStageFlags as S};
         let [upload, device, readback] = self.memory;
@@ -439,7 +439,7 @@ impl Pass {
         })
     }
 
-    /// What the readback buffer's bytes say of the frame recorded last, once it is done.
+    /// The status of the frame recorded last, from the readback buffer's bytes, once the frame is done.
     ///
     /// # Errors
     /// As [`PassPlan::status`].

@@ -28,7 +28,7 @@ pub(super) struct GradientStep {
     pub target: Floats,
 }
 
-/// What a gradient is by.
+/// The input that a gradient is by.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum By {
     Positions,
@@ -64,7 +64,7 @@ impl Step {
         self.stage.record(recorder, bytemuck::bytes_of(&self.push), self.groups)
     }
 
-    /// The same with one of the TARGET_ uses.
+    /// Records the step with one of the TARGET_ uses.
     pub fn record_use(&self, recorder: &mut Recorder<'_>, target_use: u32) -> Result<()> {
         self.stage.record(recorder, bytemuck::bytes_of(&Push { target_use, ..self.push }), self.groups)
     }
@@ -173,7 +173,7 @@ impl Binder<'_> {
         Push { count, draws: geometry.draws().len() as u32, first: geometry.first_vertex, ..Push::default() }
     }
 
-    /// The same with a vertex array's layout, and with the transforms' where there are such.
+    /// The numbers of a stage with a vertex array: also the array's layout, and that of the transforms where there are such.
     fn vertex_push(&self, count: u32, (stride, offset): (u32, u32)) -> Result<Push> {
         let (transform_stride, transform_offset) = match &self.buffers.transforms {
             Some(transforms) => {

@@ -85,7 +85,7 @@ fn largest_buffer(limits: &Limits) -> u64 {
     limits.max_storage_buffer_range.min(limits.max_memory_allocation_size).min(texels) / 16 * 16
 }
 
-/// Validates that a loop of the kernels can sum over each vertex's corners in so many views.
+/// Validates that a loop of the kernels can sum over each vertex's corners in `views` views.
 fn validate_corners(shape: &FrameShape, views: u32, loop_passes: u32) -> Result<()> {
     let most = shape.most_corners();
     let needed = (u64::from(most) + 1) * u64::from(views);
@@ -152,8 +152,8 @@ impl FramePlan {
         Self::of(limits, kind, shape, settings, Rare::ALL)
     }
 
-    /// The same with a choice of the rarely needed kernels. The others are neither compiled nor recorded;
-    /// [`Status::is_complete`](super::Status::is_complete) says whether the frame is complete without them.
+    /// Plans a frame as [`new`](Self::new) does, with a choice of the rarely needed kernels. The others are neither compiled nor
+    /// recorded; [`Status::is_complete`](super::Status::is_complete) says whether the frame is complete without them.
     pub(crate) fn of(
         limits: &Limits,
         kind: DeviceKind,
@@ -399,7 +399,7 @@ mod tests {
         subgroup_size: 8,
         subgroup_shuffle: true,
     };
-    /// What lavapipe has.
+    /// The limits of lavapipe.
     const LIMITED: Limits =
         Limits { max_storage_buffer_range: 1 << 27, max_texel_buffer_elements: 1 << 27, ..UNLIMITED };
 

@@ -10,7 +10,7 @@ use crate::error::{Error, Result};
 use crate::frame::buffers::BufferId;
 use crate::scene::{Camera, Lights, Projection, Settings};
 
-/// What a [`rebind`](Pass::rebind) changed.
+/// The result of a [`rebind`](Pass::rebind).
 #[derive(Debug)]
 pub struct Rebound {
     /// The old pass. Drop it, and destroy its memory, once the commands that it was recorded into have been executed.
@@ -30,9 +30,9 @@ impl Pass {
         Ok(())
     }
 
-    /// The same from matrices, as [`PassBuilder::camera_matrices`](super::PassBuilder::camera_matrices); near and far are
-    /// theirs, as [`PassBuilder::planes`](super::PassBuilder::planes) says. The next [`write_frame`](Self::write_frame)
-    /// and the next recording use them. Allocates only for an error.
+    /// Changes the cameras to those of matrices, as [`PassBuilder::camera_matrices`](super::PassBuilder::camera_matrices) takes them;
+    /// near and far are theirs, as [`PassBuilder::planes`](super::PassBuilder::planes) says. The next
+    /// [`write_frame`](Self::write_frame) and the next recording use them. Allocates only for an error.
     ///
     /// # Errors
     /// As [`set_cameras`](Self::set_cameras), and [`HostCamera::new`](super::HostCamera::new).

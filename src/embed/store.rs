@@ -35,13 +35,13 @@ pub enum FrameImage {
     Silhouette,
     /// Σ w z in world units. Into one channel.
     Depth,
-    /// What a host's depth buffer would hold: the mean view depth of the triangles by the host's own projection, in a pass that
+    /// The values of a host's depth buffer: the mean view depth of the triangles by the host's own projection, in a pass that
     /// was planned with [`camera_matrices`](super::PassBuilder::camera_matrices). Into one channel.
     DepthBuffer {
         /// Pixels of a smaller silhouette get the value farthest away, as if nothing were drawn.
         least_silhouette: f32,
     },
-    /// Σ w n in world space, and 0. Into four channels of floats; of bytes, what is below 0 is lost.
+    /// Σ w n in world space, and 0. Into four channels of floats; channels of bytes lose what is below 0.
     Normal,
 }
 

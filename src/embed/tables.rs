@@ -43,7 +43,7 @@ pub(super) struct Tables {
     pub images: Vec<Texture>,
 }
 
-/// What was laid out so far.
+/// The counts and the tables of all that was laid out so far.
 #[derive(Default)]
 struct Ends {
     vertices: u32,

@@ -15,7 +15,7 @@ pub(super) struct Floats {
     bytes: u64,
 }
 
-/// What two arrays have in common.
+/// The overlap of two arrays.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Overlap {
     /// Nothing.

@@ -19,8 +19,8 @@ impl Renderer {
     /// Computes the gradients in `wanted` of a loss, from its gradients by the frame's images.
     ///
     /// The frame must come from this renderer's [`Renderer::render_saved`]. It can be differentiated any number of
-    /// times, also after other frames. Gradients of a mesh are summed over its views. The same input and request give
-    /// the same bits; a request for more gradients may change the last places of each.
+    /// times, also after other frames. Gradients of a mesh are summed over its views. Equal input and an equal request give
+    /// equal bits; a request for more gradients may change the last places of each.
     ///
     /// # Errors
     /// [`Error::Backward`] for a frame that was not saved, one of another renderer, or an upstream gradient that does not fit

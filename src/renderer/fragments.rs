@@ -7,7 +7,7 @@ use crate::scene::{
 };
 use glam::DVec3;
 
-/// What a pixel's centre shows.
+/// The point of a triangle that a pixel's centre shows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fragment {
     /// The triangle's number in its mesh.

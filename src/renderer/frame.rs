@@ -104,7 +104,7 @@ impl Frame {
 }
 
 impl Frame {
-    /// The same frame, holding the owner that keeps its slot from being reused.
+    /// The frame with the owner that keeps its slot from being reused.
     pub(super) fn owning(self, owner: Arc<()>) -> Self {
         Self { owner: Some(owner), ..self }
     }

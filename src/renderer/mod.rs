@@ -47,7 +47,7 @@ pub struct RendererOptions {
 /// A device with the buffers, kernels and commands of frames, which are kept from frame to frame.
 ///
 /// A saved frame ([`Renderer::render_saved`]) owns what [`Renderer::backward`] reads for as long as it or a clone of it lives, so
-/// several can be differentiated in any order; each takes device memory of its own. What dropped frames had is used again.
+/// several can be differentiated in any order; each takes device memory of its own. The memory of dropped frames is used again.
 pub struct Renderer {
     shared: Shared,
     /// At least one. A frame is rendered with the first that no living saved frame owns.

@@ -4,7 +4,7 @@ use crate::embed::Rasterizer;
 use crate::error::{Error, Result};
 use crate::vulkan::Context;
 
-/// What all frames of a renderer share.
+/// The state that all frames of a renderer share.
 pub(super) struct Shared {
     pub rasterizer: Rasterizer,
     pub context: Context,

@@ -213,7 +213,7 @@ impl Camera {
         DVec3::from_array(self.view.map(|[x, y, z, shift]| x * point.x + y * point.y + z * point.z + shift))
     }
 
-    /// Where a world point lies in an image of so many columns and rows: its column, its row and its view depth. `None` if the
+    /// Where a world point lies in an image of `columns` × `rows` pixels: its column, its row and its view depth. `None` if the
     /// point is not before the camera.
     ///
     /// Columns and rows are in pixels. The centre of the upper left pixel is (0.5, 0.5). The place may lie beyond the image.
@@ -248,8 +248,8 @@ impl Camera {
         }
     }
 
-    /// The focal lengths and the principal point (fx, fy, cx, cy), in pixels, of an image of so many columns and rows; `None` without
-    /// perspective, and for [`Projection::Official`] and [`Projection::Screen`].
+    /// The focal lengths and the principal point (fx, fy, cx, cy), in pixels, of an image of `columns` × `rows` pixels; `None`
+    /// without perspective, and for [`Projection::Official`] and [`Projection::Screen`].
     pub fn intrinsics(&self, (columns, rows): (u32, u32)) -> Option<[f64; 4]> {
         match self.projection {
             Projection::Pinhole { fx, fy, cx, cy } => Some([fx, fy, cx, cy]),

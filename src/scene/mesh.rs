@@ -3,7 +3,7 @@
 use super::texture::Texture;
 use crate::error::{Error, Result};
 
-/// What gives a mesh its colour, before light.
+/// The colours of a mesh, before light.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Appearance {
     /// One RGB colour for the whole mesh.
@@ -147,7 +147,7 @@ impl Mesh {
         Ok(Self { positions, triangles, appearance, normals, all_used, most_corners })
     }
 
-    /// The same mesh with another appearance.
+    /// Gives the mesh another appearance.
     ///
     /// # Errors
     /// [`Error::Mesh`] when counts do not fit the mesh, an index is out of range, a value is not finite or a
@@ -202,7 +202,7 @@ impl Mesh {
         Ok(self)
     }
 
-    /// The same mesh with a normal for each vertex, `[x, y, z]` in world space and of any length, which smooth shading takes in
+    /// Gives each vertex of the mesh a normal, `[x, y, z]` in world space and of any length, which smooth shading takes in
     /// place of the mean of the triangles' normals; `[0, 0, 0]` stands for that mean. An empty vector stands for the
     /// mean everywhere. Normals are kept as unit vectors.
     ///
@@ -255,7 +255,7 @@ impl Mesh {
         &self.normals
     }
 
-    /// What gives the mesh its colour.
+    /// The appearance of the mesh.
     pub fn appearance(&self) -> &Appearance {
         &self.appearance
     }

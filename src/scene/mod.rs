@@ -1,4 +1,4 @@
-//! What is drawn: meshes, cameras, lights and settings as plain data, validated when it is made or rendered.
+//! Meshes, cameras, lights and settings as plain data, validated when they are made or rendered.
 
 mod camera;
 mod crop;
@@ -45,7 +45,7 @@ impl Scene {
         Self { meshes, lights: Lights::unlit() }
     }
 
-    /// The same meshes under these lights.
+    /// Puts the meshes under these lights.
     pub fn with_lights(mut self, lights: Lights) -> Self {
         self.lights = lights;
         self

@@ -136,8 +136,8 @@ pub enum Parity {
 ///   half the image's height. With τ = 1e-4 that is r = 1.52 H √σ pixels: at H = 256, σ = 1e-5 reaches 1.2 pixels (a
 ///   picture), 1e-4 reaches 3.9 (fitting, near the end), 1e-3 reaches 12 (fitting, far from it). Beyond r a triangle
 ///   has no gradient, so begin with r as large as the distance that the mesh has to move, and shrink it. Work grows
-///   with the area of the grown triangles: hardly with r while r is small against a triangle, as r² beyond. The same σ
-///   is twice the pixels in an image of twice the height: [`Settings::with_blur_pixels`] keeps the pixels.
+///   with the area of the grown triangles: hardly with r while r is small against a triangle, as r² beyond. In an image of
+///   twice the height an unchanged σ spans twice the pixels: [`Settings::with_blur_pixels`] keeps the pixels.
 /// - **γ** is the difference of depth, as a share of far - near, at which the nearer of two triangles outweighs the
 ///   other e times: γ (far - near) world units. A tenth of the object's thickness gives hidden parts a gradient; a
 ///   hundredth renders surfaces as opaque. Near and far close around the object make γ mean the same for every scene;
@@ -187,8 +187,8 @@ pub struct Settings {
     pub surface_point: SurfacePoint,
     /// The paper's model, or the official code's deviations from it.
     pub parity: Parity,
-    /// Keep what the backward pass needs, 16 bytes a pixel; a frame without it cannot be differentiated. What asks for
-    /// gradients sets it itself: [`Renderer::render_saved`](crate::Renderer::render_saved), fits, and plans with gradients.
+    /// Keep what the backward pass needs, 16 bytes a pixel; a frame without it cannot be differentiated. Calls for gradients
+    /// set it themselves: [`Renderer::render_saved`](crate::Renderer::render_saved), fits, and plans with gradients.
     pub save: bool,
 }
 

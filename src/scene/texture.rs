@@ -6,7 +6,7 @@ use std::sync::Arc;
 /// The largest value of a colour, see [`Mesh::BRIGHTEST`](crate::Mesh::BRIGHTEST).
 pub(super) const BRIGHTEST: f32 = 1e12;
 
-/// What a texture shows at UV coordinates outside the unit square.
+/// How a texture goes on at UV coordinates outside the unit square.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Wrap {
     /// The image repeats (the OBJ default).
@@ -55,7 +55,7 @@ impl Texture {
         Ok(Self { width, height, texels: Arc::new(texels), alpha: None, wrap })
     }
 
-    /// The same texture with an alpha α in [0, 1] for each texel, row-major, row 0 at the top: how much of the surface there
+    /// Gives the texture an alpha α in [0, 1] for each texel, row-major, row 0 at the top: how much of the surface there
     /// is. It is sampled as the colours are and multiplies a fragment's probability: D' = α D takes the place of D in the
     /// colour's weights and in the silhouette 1 - Π(1 - D'). The hard modes count a fragment where α ≥ ½.
     ///
@@ -87,7 +87,7 @@ impl Texture {
         Ok(self)
     }
 
-    /// The same texture in other colours, with its alpha.
+    /// A texture in other colours, with this one's size, alpha and wrap.
     ///
     /// # Errors
     /// As [`Texture::new`].
@@ -95,7 +95,7 @@ impl Texture {
         Ok(Self { alpha: self.alpha.clone(), ..Self::new(self.width, self.height, texels, self.wrap)? })
     }
 
-    /// The same texture, which shares its texels, with another wrap.
+    /// The texture with another wrap. It shares its texels.
     pub fn with_wrap(self, wrap: Wrap) -> Self {
         Self { wrap, ..self }
     }
@@ -130,7 +130,7 @@ impl Texture {
         Arc::ptr_eq(&self.texels, &other.texels) && same_alpha
     }
 
-    /// What it shows outside the unit square.
+    /// How it goes on outside the unit square.
     pub fn wrap(&self) -> Wrap {
         self.wrap
     }

@@ -195,7 +195,7 @@ fn color(t: f64, p: DVec3) -> Color {
         cover(BLACK, within(distance - 0.022));
         cover(WHITE, within(distance));
     }
-    // What is the reader's right on either side.
+    // A 7 on either side. There `right` grows to the reader's right.
     let right = if p.z > 0.0 { p.x } else { -p.x };
     let middle = if p.z > 0.0 { 0.03 } else { -0.03 };
     cover(BLACK, within(seven((right - middle) / 0.15, (p.y - 0.02) / 0.15) * 0.15));

@@ -1,4 +1,4 @@
-//! What a physical device is and can do, as plain data.
+//! The properties and limits of a physical device, as plain data.
 
 use ash::vk;
 use std::ffi::CStr;
@@ -142,7 +142,7 @@ impl Limits {
     }
 }
 
-/// What a physical device is, and whether softras can run on it.
+/// The properties and limits of a physical device, and whether softras can run on it.
 ///
 /// # Safety
 /// The handle comes from this instance, which is of Vulkan 1.1.

@@ -18,7 +18,7 @@ pub enum Location {
     Readback,
 }
 
-/// What a texel buffer's elements are. Every Vulkan device can read each of these.
+/// The format of a texel buffer's elements. Every Vulkan device can read each of these.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum TexelFormat {
     /// R32_SFLOAT.

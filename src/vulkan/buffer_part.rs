@@ -49,7 +49,7 @@ impl BufferPart {
         unsafe { Self::of_host(device, at).with_view(device, format, name) }
     }
 
-    /// The same part with a texel view of its own, destroyed with the last clone of the returned reference.
+    /// The part with a texel view of its own, destroyed with the last clone of the returned reference.
     ///
     /// # Safety
     /// The buffer is one of this device's, has the usage UNIFORM_TEXEL_BUFFER and bound memory, and outlives the view.
@@ -85,7 +85,7 @@ impl BufferPart {
         self.range
     }
 
-    /// What the buffer was made for.
+    /// The usages that the buffer was made with.
     pub fn usage(&self) -> vk::BufferUsageFlags {
         self.usage
     }

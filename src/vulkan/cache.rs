@@ -14,7 +14,7 @@ pub struct PipelineCache(Arc<Inner>);
 struct Inner {
     device: Device,
     raw: vk::PipelineCache,
-    /// What saves and destroys a cache of ours when it is dropped.
+    /// Saves and destroys a cache of ours when it is dropped.
     #[cfg(feature = "renderer")]
     _disk: Option<DiskCache>,
 }

@@ -83,7 +83,7 @@ impl DescriptorPool {
         self.bind_resources(pipeline, &resources)
     }
 
-    /// The same for a kernel that stores to an image.
+    /// Binds buffers as [`bind`](Self::bind) does, and the image that the kernel stores to.
     ///
     /// # Errors
     /// As [`bind`](Self::bind), and for an image of another format.
@@ -98,7 +98,7 @@ impl DescriptorPool {
         self.bind_resources(pipeline, &resources)
     }
 
-    /// The same for a kernel that reads an image.
+    /// Binds buffers as [`bind`](Self::bind) does, and the image that the kernel reads.
     pub fn bind_with_texture(
         &self,
         pipeline: &Pipeline,
@@ -139,7 +139,7 @@ impl DescriptorPool {
     }
 }
 
-/// What a binding is given.
+/// The resource that a binding is given.
 #[derive(Clone, Copy)]
 enum Resource<'a> {
     Buffer(&'a BufferPart),
@@ -287,7 +287,7 @@ fn check_texture(kernel: &Kernel, binding: &Binding, texture: &TextureRef) -> Re
     }
 }
 
-/// What one descriptor points to.
+/// The Vulkan structures that one descriptor points to.
 #[derive(Clone, Copy, Default)]
 struct Info {
     buffer: [vk::DescriptorBufferInfo; 1],

@@ -27,7 +27,7 @@ impl HostAdapter {
         Self { get_instance_proc_addr, instance, physical_device }
     }
 
-    /// The same from plain numbers, for a host that uses another version of ash or none. The number of a dispatchable
+    /// An adapter from plain numbers, for a host that uses another version of ash or none. The number of a dispatchable
     /// handle is its pointer, which `Handle::as_raw` of any ash returns.
     ///
     /// # Errors
@@ -47,7 +47,7 @@ impl HostAdapter {
         Ok(unsafe { Self::new(function, instance, physical) })
     }
 
-    /// What the physical device can do.
+    /// The properties and limits of the physical device, and whether softras can run on it.
     ///
     /// # Errors
     /// [`Error::Host`] where a handle is null.
@@ -109,7 +109,7 @@ impl HostDevice {
         }
     }
 
-    /// The same from a plain number.
+    /// A device from a plain number.
     ///
     /// # Errors
     /// [`Error::Host`] where it is null.
@@ -132,7 +132,7 @@ impl HostDevice {
         Self { debug_utils: true, ..self }
     }
 
-    /// What these names and labels begin with, instead of "softras ".
+    /// Begins these names and labels with `label_prefix` instead of "softras ".
     pub fn with_label_prefix(self, label_prefix: &'static str) -> Self {
         Self { label_prefix, ..self }
     }
@@ -145,7 +145,7 @@ impl HostDevice {
         Self { pipeline_cache, ..self }
     }
 
-    /// What every object is created and destroyed with.
+    /// Creates and destroys every object with these callbacks.
     ///
     /// # Safety
     /// The functions and their user data stay valid as long as the device must. Any thread that calls
@@ -209,7 +209,7 @@ impl HostCommands {
         Self { raw, timestamps: None }
     }
 
-    /// The same from a plain number.
+    /// A command buffer from a plain number.
     ///
     /// # Safety
     /// As for [`new`](Self::new).

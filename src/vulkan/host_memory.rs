@@ -24,7 +24,7 @@ impl BufferRef {
         Self { raw: buffer, offset: 0, range: size, usage }
     }
 
-    /// The same from a VkBuffer and VkBufferUsageFlags as plain numbers.
+    /// A whole buffer from a VkBuffer and VkBufferUsageFlags as plain numbers.
     ///
     /// # Safety
     /// As for [`new`](Self::new).
@@ -62,13 +62,13 @@ impl BufferRef {
         self.range
     }
 
-    /// What the buffer was made for.
+    /// The usages that the buffer was made with.
     pub fn usage(&self) -> vk::BufferUsageFlags {
         self.usage
     }
 }
 
-/// What a host's image holds. Every Vulkan device can store to each of these.
+/// The format of a host's image. Every Vulkan device can store to each of these.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum ImageFormat {
     /// R32G32B32A32_SFLOAT.
@@ -119,7 +119,7 @@ impl ImageRef {
         Self { view, format, width, height }
     }
 
-    /// The same from a VkImageView as a plain number.
+    /// A view from a VkImageView as a plain number.
     ///
     /// # Safety
     /// As for [`new`](Self::new).
@@ -133,7 +133,7 @@ impl ImageRef {
         self.view
     }
 
-    /// What it holds.
+    /// The format.
     pub fn format(&self) -> ImageFormat {
         self.format
     }
@@ -154,7 +154,7 @@ pub struct TextureRef {
 }
 
 impl TextureRef {
-    /// A view of `width` × `height` texels. Of a view of an sRGB format the texels are read decoded.
+    /// A view of `width` × `height` texels. Texels of a view with an sRGB format are read decoded.
     ///
     /// # Safety
     /// - The view is of type 2D, of a floating-point or normalised format that the device can sample, of the device that it is
@@ -166,7 +166,7 @@ impl TextureRef {
         Self { view, layout: vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL, width, height }
     }
 
-    /// The same from a VkImageView as a plain number.
+    /// A view from a VkImageView as a plain number.
     ///
     /// # Safety
     /// As for [`new`](Self::new).
@@ -175,7 +175,7 @@ impl TextureRef {
         unsafe { Self::new(vk::ImageView::from_raw(view), width, height) }
     }
 
-    /// The same in the layout GENERAL.
+    /// Takes the image to be in the layout GENERAL.
     pub fn in_general_layout(self) -> Self {
         Self { layout: vk::ImageLayout::GENERAL, ..self }
     }

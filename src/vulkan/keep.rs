@@ -1,11 +1,11 @@
-//! What a command buffer of ours holds until the device is done with it.
+//! The objects that a command buffer of ours keeps alive until the device is done with it.
 
 use std::sync::Arc;
 
 /// An object that must live until the device is done with it.
 pub(super) type Keep = Arc<dyn Kept>;
 
-/// What can be kept.
+/// An object that can be kept.
 pub(super) trait Kept: Send + Sync {
     /// Adds the mapped buffers and the timestamp marks that it uses.
     #[cfg(feature = "renderer")]
@@ -24,7 +24,7 @@ pub(super) struct Uses {
 
 #[cfg(feature = "renderer")]
 impl Uses {
-    /// What the kept objects use, each mapped buffer once.
+    /// The uses of the kept objects, each mapped buffer once.
     pub(super) fn of(kept: &[Keep]) -> Self {
         let mut uses = Self::default();
         kept.iter().for_each(|keep| keep.uses(&mut uses));

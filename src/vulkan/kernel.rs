@@ -15,8 +15,8 @@ pub struct Kernel {
     pub local_size: [u32; 3],
     /// The specialization constants that set the local size, where there are such.
     pub local_size_ids: [Option<u32>; 3],
-    /// What it requires of a device, by SPIR-V's names (`GroupNonUniformShuffle`). Every device of Vulkan 1.1 has `Shader`,
-    /// `SampledBuffer` and `GroupNonUniform`.
+    /// The capabilities that it requires of a device, by SPIR-V's names (`GroupNonUniformShuffle`). Every device of Vulkan 1.1 has
+    /// `Shader`, `SampledBuffer` and `GroupNonUniform`.
     pub capabilities: &'static [&'static str],
     /// Bytes of its `shared` variables, specialization constants at their defaults.
     pub shared_bytes: u32,
@@ -48,11 +48,11 @@ pub struct Binding {
     pub name: &'static str,
     /// layout(binding = ...).
     pub binding: u32,
-    /// What is bound.
+    /// The kind of resource that is bound.
     pub kind: BindingKind,
 }
 
-/// What a binding holds.
+/// The kind of resource that a binding holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BindingKind {
     /// `buffer` block.

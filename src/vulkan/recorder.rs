@@ -25,7 +25,7 @@ const MOST_PUSHED: usize = 128;
 pub struct Recorder<'a> {
     device: Device,
     raw: vk::CommandBuffer,
-    /// What our own command buffer must keep alive; a host does so itself.
+    /// The objects that our own command buffer must keep alive; a host does so itself.
     keep: Option<&'a mut Vec<Keep>>,
     /// The queue family of our own command buffer. A host's is not known.
     family: Option<u32>,

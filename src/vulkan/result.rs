@@ -42,7 +42,7 @@ pub(super) fn misuse(call: &'static str, kernel: &Kernel, what: &str) -> Error {
     misuse_of(call, &format!("kernel `{}`: {what}", kernel.name))
 }
 
-/// The same where no kernel is concerned.
+/// The error for a misuse that concerns no kernel.
 pub(super) fn misuse_of(call: &'static str, what: &str) -> Error {
     Error::Vulkan { call, result: what.to_string() }
 }

@@ -10,7 +10,7 @@ use softras_reference::ReferenceFrame;
 /// but no more than its share of them. The largest error of the others, in units of the tolerance.
 ///
 /// # Errors
-/// What is wrong: the shape, a value that is not finite, the worst pixel, or too many pixels left out.
+/// The fault: the shape, a value that is not finite, the worst pixel, or too many pixels left out.
 pub fn compare(
     name: &str,
     actual: &Image,

@@ -14,7 +14,7 @@ use softras_check::agreement;
 pub use softras_check::agreement::{Group, norm, numbers, relative_error};
 use softras_reference::{ReferenceGradients, render_culled};
 
-/// What one comparison found: each gradient's relative error.
+/// The result of one comparison: each gradient's relative error.
 pub type Errors = Vec<(&'static str, f64)>;
 
 pub const ALL_OUTPUTS: Outputs = Outputs::ALL;
@@ -91,7 +91,7 @@ pub type Made = (Frame, Gradients);
 /// Renders and goes backward.
 ///
 /// # Errors
-/// What the renderer says.
+/// The renderer's error in words.
 pub fn made(
     renderer: &mut Renderer,
     case: &Case,

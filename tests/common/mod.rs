@@ -1,4 +1,4 @@
-//! What the tests share: renderers, random scenes, comparisons, and the tables of modes and of tolerances.
+//! Common parts of the tests: renderers, random scenes, comparisons, and the tables of modes and of tolerances.
 #![allow(dead_code, unused_imports, clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 pub mod compare;

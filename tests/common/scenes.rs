@@ -27,7 +27,7 @@ impl Case {
     }
 }
 
-/// What a failing test prints: enough to run the case again.
+/// The text that a failing test prints: enough to run the case again.
 impl std::fmt::Debug for Case {
     fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
         let appearance = |mesh: &Mesh| match mesh.appearance() {
@@ -214,7 +214,7 @@ pub fn random_texture(random: &mut Random) -> Texture {
     Texture::new(width, height, texels, random.choose(&[Wrap::Repeat, Wrap::Clamp])).unwrap()
 }
 
-/// An alpha for each of so many texels: 0, 1 or between.
+/// An alpha for each of `texels` texels: 0, 1 or between.
 pub fn random_alpha(random: &mut Random, texels: usize) -> Vec<f32> {
     let one = |random: &mut Random| match random.below(4) {
         0 => 0.0,

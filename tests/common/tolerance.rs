@@ -47,7 +47,7 @@ pub fn of(case: &Case) -> Tolerance {
 /// For pixels computed by hand: a few roundings of an f32 near 1, exp within 3 + 2|x| of its last places.
 pub const BY_HAND: f64 = 2e-6;
 
-/// The same scene computed in another order: sums of up to some thousand terms, each with half a unit in its last place.
+/// One scene computed in two orders: sums of up to some thousand terms, each with half a unit in its last place.
 pub const SAME_SCENE: Tolerance = Tolerance { value: 2e-5, margin: 1e-4, left_out: 0.1 };
 
 /// A gradient with the sums of another number of lanes: some hundred terms that nearly cancel, in another order.
@@ -69,6 +69,6 @@ pub fn cut_at(near: f64, depth: f64) -> Tolerance {
     Tolerance { value: IMAGE.value + 8e-6 * depth / near, ..IMAGE }
 }
 
-/// The same frame from kernels specialised otherwise: the compiler orders some sums otherwise, so a few last places of
+/// One frame from kernels that are specialised in two ways: the compiler orders some sums otherwise, so a few last places of
 /// values up to about 4.
 pub const OTHER_KERNEL: f32 = 5e-6;

@@ -177,7 +177,7 @@ def rows(programs, short, cases):
 
 
 def cell(code, output, seconds, counted):
-    """What a cell of the table says, and whether it is good."""
+    """The text of a cell of the table, and whether it is good."""
     done = re.search(counted, output)
     if code == 0 and done and int(done[1]) > 0:
         return f"{done[1]} ok, {seconds:.0f} s", True

@@ -1,4 +1,4 @@
-//! What the gate holds beside the quick tier: the list of public items, and that the validation layers see faults at all.
+//! The checks of the gate beside the quick tier: the list of public items, and that the validation layers see faults at all.
 #![allow(unsafe_code, clippy::undocumented_unsafe_blocks, clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 #[path = "../../examples/engine/mod.rs"]

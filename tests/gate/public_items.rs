@@ -74,7 +74,7 @@ fn list(documentation: &Path) -> String {
     lines.into_iter().map(|line| line + "\n").collect()
 }
 
-/// What one list has and another has not, each line with its sign.
+/// The lines that one list has and the other has not, each with its sign.
 fn difference(old: &str, new: &str) -> Vec<String> {
     let [old, new] = [old, new].map(|list| list.lines().collect::<BTreeSet<_>>());
     let gone = old.difference(&new).map(|line| format!("- {line}"));
@@ -101,7 +101,7 @@ fn the_public_items_are_those_of_the_list() {
     assert!(count <= MOST_ITEMS, "{count} public items, at most {MOST_ITEMS}: make what users do not need pub(crate)");
 }
 
-/// What another crate can reach is in the documentation: no package of this repository has a door of its own.
+/// The documentation has every item that another crate can reach: no package of this repository hides one (`doc(hidden)`).
 #[test]
 fn nothing_public_is_hidden() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));

@@ -5,7 +5,7 @@ use ash::vk;
 use std::ffi::c_void;
 use std::sync::atomic::{AtomicI64, Ordering};
 
-/// What is alive, and how many more allocations succeed.
+/// The number of live allocations, and how many more succeed.
 pub struct Memory {
     live: AtomicI64,
     left: AtomicI64,

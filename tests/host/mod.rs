@@ -1,4 +1,4 @@
-//! What the tests of the embedded API share: the examples' engine, a pass in its memory, a submission.
+//! Common parts of the tests of the embedded API: the examples' engine, a pass in its memory, a submission.
 // It plays the host and passes raw Vulkan handles. Not every test needs every part.
 #![allow(unsafe_code, dead_code, clippy::undocumented_unsafe_blocks)]
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
@@ -103,7 +103,7 @@ pub fn plan_of(rasterizer: &Rasterizer, case: &Case) -> PassBuilder {
     rasterizer.scene_pass(&case.scene).settings(case.settings.clone()).cameras(&case.cameras)
 }
 
-/// The same with gradients.
+/// The plan with gradients, which are read back.
 pub fn plan_backward(plan: PassBuilder, upstream: &ImageGradient, wanted: GradientRequest) -> PassBuilder {
     let color = upstream.color.iter().flat_map(|image| &image.data);
     let largest = color.fold(0.0f64, |m, &x| m.max(f64::from(x.abs())));
@@ -200,7 +200,7 @@ pub struct Planner {
     engine: Engine,
 }
 
-/// What a [`Planner`] rendered: images and gradients.
+/// The images and gradients of a frame, from a [`Planner`] or from a renderer to compare with.
 pub struct Planned {
     pub images: Vec<(&'static str, Vec<f32>)>,
     pub gradients: Gradients,

@@ -16,7 +16,7 @@ pub struct Triangles {
     pub resolution: Option<usize>,
 }
 
-/// What the official renderer makes of one view.
+/// The official renderer's images of one view.
 #[derive(Clone, Debug)]
 pub struct Image {
     /// RGB of each pixel, row by row.

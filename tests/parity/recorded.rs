@@ -92,7 +92,7 @@ impl Case {
         ImageGradient { color: image(3, color), silhouette: image(1, silhouette), ..ImageGradient::default() }
     }
 
-    /// The same, as the reference takes them.
+    /// The derivatives of a loss by the image, as the reference takes them.
     pub fn upstream(&self) -> Upstream {
         let (color, silhouette) = self.planes(&self.archive.f64s("grad_soft_colors"));
         Upstream { d_color: Some(color), d_silhouette: Some(silhouette), ..Upstream::default() }

@@ -1,4 +1,4 @@
-//! What work takes of Rust's heap, counted for its own thread.
+//! The use of Rust's heap by some work, counted for its own thread.
 
 /// How often work allocates.
 pub fn allocations(work: impl FnOnce()) -> u64 {

@@ -27,7 +27,7 @@ pub(crate) use shader;
 
 pub struct Engine {
     pub rasterizer: Rasterizer,
-    /// What went wrong while a graph was recorded.
+    /// The first error that occurred while a graph was recorded.
     failure: Arc<OnceLock<softras::Error>>,
     pool: HashPool,
     pub device: Device,
@@ -129,7 +129,7 @@ impl Soft {
 /// A mesh in the engine's buffers.
 pub struct Mesh {
     pub count: u32,
-    /// What softras has to know of it.
+    /// Its counts, indices and look, from which softras plans a pass.
     pub shape: PassMesh,
     /// x, y, z, r, g, b of every vertex.
     pub vertices: Arc<Buffer>,

@@ -75,7 +75,7 @@ fn goal_images(path: Option<&Path>) -> Outcome<Vec<f32>> {
 /// How far a triangle's influence reaches beyond its edge in the images that are compared, in pixels.
 const BLUR: f64 = 2.5;
 
-/// What a step of the fit needs.
+/// The pass, the kernels and the buffers of a step of the fit.
 struct Fit {
     soft: Soft,
     loss: ComputePipeline,

@@ -35,7 +35,7 @@ pub struct Engine {
     _entry: Entry,
 }
 
-/// What is destroyed with the engine.
+/// The Vulkan objects that are destroyed with the engine.
 #[derive(Default)]
 struct Made {
     buffers: Vec<(vk::Buffer, vk::DeviceMemory)>,
@@ -207,7 +207,7 @@ impl Engine {
         self.run(commands, 1)
     }
 
-    /// Records a kernel over so many elements.
+    /// Records a kernel over `elements` elements.
     pub fn dispatch(&self, commands: vk::CommandBuffer, (kernel, elements): (&Kernel, u64)) {
         let (device, point) = (&self.device, vk::PipelineBindPoint::COMPUTE);
         unsafe {
@@ -217,7 +217,7 @@ impl Engine {
         }
     }
 
-    /// What was written is for the host to read, and for it to write anew.
+    /// Lets the host read what kernels and copies wrote before this barrier, and write it anew.
     pub fn barrier_to_host(&self, commands: vk::CommandBuffer) {
         use vk::{AccessFlags as A, PipelineStageFlags as S};
         let barrier = [vk::MemoryBarrier::builder()

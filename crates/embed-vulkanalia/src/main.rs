@@ -5,7 +5,7 @@
 //! becomes the goal.
 //!
 //! `cargo run -p embed-vulkanalia [PICTURE.png]`
-// Raw Vulkan has no other way. What is made lives until the process or the test ends: see `run`.
+// Raw Vulkan has no other way. All objects live until the process or the test ends: see `run`.
 #![allow(unsafe_code, dead_code, missing_docs, clippy::undocumented_unsafe_blocks)]
 
 mod engine;
@@ -131,7 +131,7 @@ impl Fit {
         let pass = rasterizer.bind_pass(plan, memory, &[buffers])?;
         pass.write_inputs(upload.bytes())?;
 
-        // What the engine's kernels read and write of softras' lies in the buffer for the device.
+        // softras' buffers that the engine's kernels read and write lie in the buffer for the device.
         let part = |id| -> Outcome<(vk::Buffer, u64, u64)> {
             let at = pass.buffer(id).ok_or("the pass has no such buffer")?;
             Ok((device.raw, at.offset(), at.range()))
@@ -169,11 +169,11 @@ impl Fit {
     }
 }
 
-/// What came out.
+/// The result of a run.
 pub struct Report {
     /// Mean square differences from the goal before and after the fit.
     pub losses: [f32; 2],
-    /// What the validation layer said.
+    /// The messages of the validation layer.
     pub messages: Vec<String>,
 }
 

@@ -11,7 +11,7 @@ use burn::backend::{Backend, Dispatch, Flex, TensorMetadata, backend_extension};
 use burn::tensor::{Tensor, TensorData};
 use std::sync::Arc;
 
-/// What has been rendered; shared with the backward step.
+/// A rendered frame, shared with the backward step.
 #[derive(Clone, Debug)]
 pub struct Node(Arc<Rendered>);
 

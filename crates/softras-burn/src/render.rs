@@ -11,7 +11,7 @@ use std::sync::{Arc, Mutex};
 #[derive(Clone, Debug)]
 pub struct SoftRas(Arc<Shared>);
 
-/// What is rendered, apart from tensors.
+/// The scene, the cameras and the settings to render; [`Inputs`] has the tensors.
 #[derive(Clone, Debug)]
 pub struct Views {
     /// Meshes and lights. Where [`Inputs`] has a tensor, its values take the place of the scene's.
@@ -23,7 +23,7 @@ pub struct Views {
 }
 
 /// The tensors to render, and to differentiate by; rows follow one another in the order of the meshes, which may differ in
-/// size. What is `None` is taken from the scene. At least one is needed.
+/// size. An input that is `None` is taken from the scene. At least one is needed.
 #[derive(Clone, Debug, Default)]
 pub struct Inputs {
     /// Vertex positions `[all vertices, 3]`, world units.

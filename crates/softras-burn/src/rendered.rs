@@ -5,7 +5,7 @@ use softras::scene::Appearance;
 use softras::{Error, Frame, GradientRequest, Gradients, Image, ImageGradient, Mesh, MeshGradients, Renderer, Result};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// What clones of a renderer share.
+/// The state that clones of a renderer share.
 #[derive(Debug)]
 pub(crate) struct Shared {
     pub renderer: Mutex<Renderer>,

@@ -57,7 +57,7 @@ pub fn differences<'a>(
     (!fits).then_some((0, f64::INFINITY)).into_iter().chain(pairs.map(far))
 }
 
-/// What was rendered and differentiated.
+/// The inputs of a frame that was rendered and differentiated.
 #[derive(Clone, Copy, Debug)]
 pub struct Subject<'a> {
     /// The meshes and lights.
@@ -78,7 +78,7 @@ impl Subject<'_> {
 /// One gradient of a scene, ours and the reference's.
 #[derive(Clone, Debug)]
 pub struct Group {
-    /// What it is a gradient by.
+    /// The input that it is a gradient by.
     pub name: &'static str,
     /// The device's numbers.
     pub ours: Vec<f64>,

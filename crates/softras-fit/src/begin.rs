@@ -70,7 +70,7 @@ fn sphere(options: &FitOptions, subject: &Subject, official: bool) -> Result<Mes
     placed(&shapes::icosphere(subdivisions)?, |p, k| f64::from(p) * radius + center[k])
 }
 
-/// Whether the fit of so many views begins with a hull, if there is one.
+/// Whether a fit of `views` views begins with a hull, if there is one.
 pub fn takes_hull(options: &FitOptions, views: usize) -> bool {
     let sphere = options.subdivisions.is_some() || options.preset == Preset::Official || views < HULL_VIEWS;
     match options.template {

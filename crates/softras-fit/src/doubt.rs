@@ -25,7 +25,7 @@ const SAMPLES_A_CELL: f64 = 2.0;
 /// Leaving out a view makes this share of the others' masks agree, and this many times what the median view would.
 const LEAST_GAIN: f64 = 0.005;
 const TIMES_THE_MEDIAN: f64 = 4.0;
-/// What remains uncovered then is at most this share of what was.
+/// The share of the masks that the hull leaves uncovered must then fall below this multiple of what it was.
 const MOST_LEFT: f64 = 0.7;
 /// A mask with a larger share of its picture shows nothing but the object.
 const FULL: f64 = 0.995;
@@ -39,11 +39,11 @@ const LARGEST_HOLE: f64 = 0.1;
 const SMALL: usize = 32;
 /// Places along the ray through a hole where it may meet holes of other views by chance.
 const PLACES: f64 = 12.0;
-/// A hole is believed where fewer holes than this are expected to meet so many others by chance.
+/// A hole is believed where fewer holes than this are expected to meet as many others by chance.
 const BY_CHANCE: f64 = 0.5;
 
 /// Leaves out the views that are empty, full, or do not agree with the others, at most a quarter of them, and fills small holes that
-/// one mask alone has. Each is noted. Of fewer than six views none is told from the others.
+/// one mask alone has. Each is noted. Fewer than six views are not compared with each other.
 ///
 /// # Errors
 /// [`softras::Error::Fit`] where more views are empty or full, and where the masks have no solid in common.
@@ -265,8 +265,8 @@ fn meetings(views: &Views, bounds: Sphere, spots: [&[Spots]; 2]) -> Result<[Vec<
     Ok(met)
 }
 
-/// How many other views must look through a small hole for it to be believed: so many that fewer than [`BY_CHANCE`] holes are expected
-/// to have them by chance, given how much of the masks' areas is in small holes.
+/// The number of other views that must look through a small hole for it to be believed. Fewer than [`BY_CHANCE`] holes are expected
+/// to have that many by chance, given how much of the masks' areas is in small holes.
 fn needed(holes: &[Spots], areas: &[f64]) -> usize {
     let shares: Vec<f64> = holes.iter().zip(areas).map(|(spots, area)| spots.small() / area.max(1.0)).collect();
     let counts: Vec<f64> =

@@ -1,7 +1,7 @@
 //! Gains by view and channel of photographs whose exposure or white balance differ.
 //!
-//! A point of the surface has one colour. So the logarithm of what a view shows of it is that of the colour and of the view's gain,
-//! which are found by turns. What all gains have in common nobody can know: the mean of their logarithms is 0.
+//! A point of the surface has one colour. So the logarithm of the colour that a view shows there is the sum of those of the point's
+//! colour and of the view's gain, which are found by turns. A common factor of all gains is unknowable: their logarithms' mean is 0.
 
 use crate::{
     points,
@@ -16,7 +16,7 @@ use softras_io::Views;
 /// Vertices that are looked at, at most.
 const POINTS: usize = 4000;
 const ROUNDS: usize = 200;
-/// A gain is told by at least so many points.
+/// The least number of points that a gain is estimated from.
 const FEWEST: usize = 20;
 /// A darker value is mostly noise, and a brighter one may be at its end.
 const DARKEST: f64 = 0.01;
@@ -25,7 +25,7 @@ const BRIGHTEST: f64 = 0.98;
 const LEAST_GAIN: f64 = 0.05;
 const MOST_LEFT: f64 = 0.8;
 
-/// What a view shows of a point, by its logarithm.
+/// The colour that a view shows of a point, by its logarithm.
 struct Sight {
     point: usize,
     view: usize,
@@ -50,7 +50,7 @@ pub fn leveled(subject: &mut Subject, mesh: &Mesh, settings: &Settings, work: &m
         for (pixel, i) in image.data.chunks_exact_mut(3).zip(0..) {
             for (value, channel) in pixel.iter_mut().zip(&channels) {
                 let (given, gain) = (f64::from(*value), channel.0[i / pixels]);
-                // What is at its end in one view is known from one that is darker.
+                // A value at its end is only a bound, except in the darkest views, beyond which no view knows more.
                 let is_known = given < BRIGHTEST || gain < low + LEAST_GAIN;
                 *value = (if is_known { given } else { -given } * (-gain).exp()) as f32;
             }
@@ -121,7 +121,7 @@ fn gains(sights: &[Sight], channel: usize, views: usize) -> (Vec<f64>, f64, f64)
     };
     let mut by_view: Vec<Vec<&Sight>> = vec![Vec::new(); views];
     sights.iter().for_each(|sight| by_view[sight.view].push(sight));
-    // What is left of the sights of a view that count.
+    // The residuals of the sights of a view that count.
     let left = |view: usize, gain: f64, colors: &[f64]| -> Vec<f64> {
         let counting = by_view[view].iter().filter(|sight| counts(sight, gain, colors[sight.point]));
         counting.map(|sight| log(sight) - gain - colors[sight.point]).collect()

@@ -113,7 +113,7 @@ fn largest(cameras: &[Camera], area: impl Fn(&usize) -> f32) -> usize {
     most(&mut (0..cameras.len()).filter(usual)).or_else(|| most(&mut (0..cameras.len()))).unwrap_or(0)
 }
 
-/// Width and height of the frames for images of so many rows and columns.
+/// Width and height of the frames for images of `rows` rows and `columns` columns.
 fn frame_size((rows, columns): (usize, usize)) -> (u32, u32) {
     let height = rows.clamp(HEIGHTS[0], HEIGHTS[1]);
     ((height * columns / rows.max(1)).max(1) as u32, height as u32)

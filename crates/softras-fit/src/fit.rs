@@ -131,7 +131,7 @@ pub struct Fitting {
     /// The steps with the views that are compared.
     pub(crate) run: ShapeRun,
     steps: Vec<Taken>,
-    /// What the user should know.
+    /// Notes for the user.
     notes: Vec<String>,
     is_stopped: bool,
 }
@@ -219,7 +219,7 @@ impl Fitting {
         seen.spread(mesh, &all)
     }
 
-    /// What the user should know: where the mesh was cut anew, why it begins with what it does, and more.
+    /// Notes for the user: where the mesh was cut anew, why it begins with what it does, and more.
     pub fn notes(&self) -> &[String] {
         &self.notes
     }
@@ -302,9 +302,9 @@ pub struct Fitted {
     pub is_complete: bool,
     /// The options of the steps, as the fit chose them.
     pub options: ShapeOptions,
-    /// Every so many views was used.
+    /// The stride of the views: each `view_stride`th was used.
     pub view_stride: usize,
-    /// What the user should know.
+    /// Notes for the user.
     pub notes: Vec<String>,
     /// The views as they were compared: cropped, with refined cameras and levelled exposures.
     pub views: Views,

@@ -84,7 +84,7 @@ pub(super) fn hull(views: &[View], center: [f64; 3], side: f64, resolution: usiz
 
 /// A picture's distances from its outline, and its camera.
 pub(super) struct View {
-    /// Of a perspective its focal length: an angle's tangent takes longer than all else of a point.
+    /// A camera with its focal length in place of a field of view: an angle's tangent takes longer than all else of a point.
     camera: Camera,
     /// In screen units, above 0 inside.
     distance: Image,
@@ -96,7 +96,7 @@ pub(super) struct View {
     depths: Option<Image>,
 }
 
-/// The views of all targets, their silhouettes enlarged so many times at most.
+/// The views of all targets, their silhouettes enlarged `times` times at most.
 pub(super) fn views(targets: &Views, times: usize) -> Result<Vec<View>> {
     let Some(silhouettes) = &targets.silhouette else {
         return bad("a hull without silhouettes", "give the targets' silhouettes");
@@ -188,7 +188,7 @@ impl View {
         Some(place.unit * sample(&self.distance, 0, 0, place.column, place.row))
     }
 
-    /// The same, but at most how far the point lies behind the surface that the picture shows.
+    /// The distance from the outline as in `outline_distance`, but no more than the depth of the point behind the surface in the picture.
     fn distance(&self, point: DVec3) -> Option<f64> {
         let place = self.place(point)?;
         let times = self.distance.height as f64 / self.height;

@@ -131,7 +131,7 @@ fn singles(values: &[DVec3]) -> Vec<[f32; 3]> {
     values.iter().map(|value| value.as_vec3().to_array()).collect()
 }
 
-/// The settings for images of a height and a width, with so many samples along each side of a pixel.
+/// The settings for images of a height and a width, with `samples` samples along each side of a pixel.
 fn sized(settings: &Settings, (height, width): (usize, usize), samples: usize) -> Settings {
     let side = |side: usize| u32::try_from(side.saturating_mul(samples)).unwrap_or(u32::MAX);
     Settings { width: side(width), height: side(height), ..settings.clone() }

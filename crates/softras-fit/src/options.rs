@@ -1,4 +1,4 @@
-//! What a fit begins with, and how it goes on.
+//! The options of a fit: the mesh that it begins with, and how it goes on.
 
 use crate::{ImageLoss, Subdivision, subject::Subject};
 use softras::{
@@ -56,12 +56,12 @@ impl Preset {
 pub struct FitOptions {
     /// The mesh to begin with.
     pub template: Template,
-    /// Begin with a sphere of so many subdivisions, unless the template is a hull or a mesh. `None`: the template decides whether to
+    /// Begin with a sphere of this many subdivisions, unless the template is a hull or a mesh. `None`: the template decides whether to
     /// begin with a sphere; it has 3 subdivisions, or 4 with [`Template::Auto`] and six views or more.
     pub subdivisions: Option<u32>,
     /// Fit the colours too: the template's texels where it has a texture, else a colour for each vertex.
     pub color: bool,
-    /// Fit a texture of at most so many texels a side. If the template has a texture, only its texels are fitted; else an atlas is made
+    /// Fit a texture of at most this many texels a side. If the template has a texture, only its texels are fitted; else an atlas is made
     /// for the mesh that was found.
     pub texture: Option<u32>,
     /// Do not leave out views that disagree with the others, nor fill holes that only one mask shows.
@@ -98,7 +98,7 @@ pub struct FitOptions {
     pub faces: Faces,
     /// Samples along each side of a pixel of the views.
     pub samples: usize,
-    /// Compare so many views in each step, cycling through all of them; 0: all.
+    /// Compare this many views in each step, cycling through all of them; 0: all.
     pub views_per_step: usize,
     /// How strongly steps are smoothed over the surface, λ of (I + λ L)⁻¹; `None`: 5, 2 from a hull of one colour.
     pub smoothing: Option<f64>,

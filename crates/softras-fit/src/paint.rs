@@ -117,7 +117,7 @@ fn photographed(
 }
 
 impl Painted {
-    /// What was made, in a sentence.
+    /// A sentence about the texture that was made.
     pub fn sentence(&self) -> String {
         let Self { side, texel, errors, .. } = self;
         let longer = if *texel > TEXEL { ", limited by the texture's size" } else { "" };

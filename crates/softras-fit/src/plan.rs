@@ -1,4 +1,4 @@
-//! What a fit is going to do, and about how long that takes.
+//! The announcement of a fit: what it is going to do, and about how long that takes.
 
 use crate::{
     ShapeFit, ShapeOptions,

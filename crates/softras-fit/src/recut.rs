@@ -27,15 +27,15 @@ const VOXELS: usize = 64;
 /// Lengths of the new mesh's edges as shares of the old one's, tried in this order until a mesh is better: long edges cut off thin
 /// parts that a cut leaves, such as a handle. A quarter gives sixteen times the triangles, some 20000 for the sphere.
 const EDGES: [f64; 3] = [1.0, 0.5, 0.25];
-/// Shorter edges than so many pixels are not tried after the first ones: pictures do not show what they add.
+/// After the first ones no edges shorter than this many pixels are tried: pictures do not show what they add.
 const LEAST_EDGE: f64 = 0.75;
-/// A cut mesh has at most so many handles more than the pictures have holes: noise in masks makes hundreds.
+/// A cut mesh has at most this many handles more than the pictures have holes, or as many as before: noise in masks makes hundreds.
 const MORE_HANDLES: usize = 8;
-/// The length of a trial as a share of all steps. A new mesh with fewer faults that is farther from the silhouettes is stepped so
-/// often, and then its loss is compared with that of the old mesh after as many steps. The optimiser has settled by then.
+/// The length of a trial as a share of all steps. A new mesh with fewer faults that is farther from the silhouettes takes that many
+/// steps, and then its loss is compared with that of the old mesh after as many steps. The optimiser has settled by then.
 const TRIAL: f64 = 0.05;
 
-/// What is wrong with the topology of a mesh, and how near its silhouettes are.
+/// The faults of a mesh's topology, and how near its silhouettes are.
 struct Found {
     unseen: Unseen,
     /// The share of the solid that is enclosed other than once.
@@ -69,7 +69,7 @@ impl Found {
         self.iou >= old.iou && self.is_less_wrong(old)
     }
 
-    /// What is wrong, with the names of the views that show it.
+    /// The faults in words, with the names of the views that show them.
     fn reasons(&self, name: impl Fn(usize) -> String) -> String {
         let mut reasons = self.unseen.reasons(name);
         if self.overlap > GROSS {

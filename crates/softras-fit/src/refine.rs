@@ -1,8 +1,8 @@
 //! Cameras that are refined with the shape before a fit, where silhouettes or colours show that they are off.
 //!
 //! Each camera gets a rotation about the middle of the object and a translation, both in view space. They are moved together with a
-//! mesh by the gradients of the same loss, at half the resolution first. A short trial there tells whether it is worth the time. What all
-//! cameras do alike would move the object and not the views, so that their mean rotation, translation and distance are kept.
+//! mesh by the gradients of the same loss, at half the resolution first. A short trial there tells whether it is worth the time. A motion
+//! that all cameras share would move the object and not the views, so that their mean rotation, translation and distance are kept.
 
 use crate::{
     ImageLoss, Method, Optimizer, Schedule, ShapeFit, ShapeOptions,
@@ -23,12 +23,12 @@ use softras_io::Views;
 
 /// Pixels that the hull may lie within the masks, in the mean along their outlines and beyond what samples leave, where cameras are right.
 const AGREED: f64 = 0.2;
-/// What is left of that where refined cameras are taken, at most, if there are no colours, and where all stages are worth
-/// their time.
+/// Refined cameras are taken if at most this share of that distance is left and there are no colours. All stages are worth their time
+/// if a trial leaves at most the second share.
 const MOST_LEFT: f64 = 0.5;
 const PROMISING: f64 = 0.75;
-/// What is left of the colours' disagreement where refined cameras are taken, at most: of masks as they were given, and of narrowed ones,
-/// whose hull is less near to the object.
+/// Refined cameras are taken if at most this share of the colours' disagreement is left: of masks as they were given, and of narrowed
+/// ones, whose hull is less near to the object.
 const MOST_COLORS_LEFT: [f64; 2] = [0.97, 0.88];
 /// How much farther the hull may then lie within the masks, pixels.
 const FARTHER: f64 = 0.05;
@@ -37,8 +37,8 @@ const FEWEST: usize = 6;
 /// Tells whether refined cameras agree better.
 const TRIAL: Stage =
     Stage { shrink: 2, steps: 60, waits: 10, sigma: (3e-4, 1e-4), rate: (0.5, 0.1), edge: 3.0, turns: true };
-/// The first stage finds where each camera points. What its turn about the object changes is seen only once the shape and the
-/// colours are nearly right, so that is left to the second one.
+/// The first stage finds where each camera points. The effect of its turn about the object is seen only once the shape and the
+/// colours are nearly right, so that turns are left to the second one.
 const STAGES: [Stage; 2] = [
     Stage { shrink: 2, steps: 40, waits: 10, sigma: (3e-4, 1e-4), rate: (0.5, 0.1), edge: 3.0, turns: false },
     Stage { shrink: 1, steps: 140, waits: 25, sigma: (1e-4, 1e-5), rate: (0.3, 0.02), edge: 1.5, turns: true },
@@ -109,7 +109,7 @@ pub fn refined(subject: &mut Subject, is_narrowed: bool, work: &mut Work) -> Res
     work.begin(Part::Cameras, TRIAL.steps + STAGES.iter().map(|stage| stage.steps).sum::<usize>())?;
     let Some((mut before, silhouette)) = disagreement(subject, &subject.views, work.renderer)? else { return Ok(()) };
     work.goes_on()?;
-    // The silhouettes of a hull agree. What its own hull leaves open is due to samples, as where the object is thin.
+    // The silhouettes of a hull agree. Their part that its own hull leaves open is due to samples, as where the object is thin.
     let of_hull = Views { cameras: subject.views.cameras.clone(), silhouette: Some(silhouette), ..Views::default() };
     let by_samples = disagreement(subject, &of_hull, work.renderer)?.map_or(0.0, |(of_hull, _)| of_hull.masks);
     before.masks -= by_samples;

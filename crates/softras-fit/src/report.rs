@@ -45,7 +45,7 @@ impl Fitted {
         Ok(parts.into_iter().fold(PAGE.to_string(), |page, (mark, part)| page.replace(mark, &part)))
     }
 
-    /// Of each view the target, the mesh and their difference, side by side.
+    /// For each view the target, the mesh and their difference, side by side.
     fn pictures(&self, renderer: &mut Renderer) -> Result<Vec<Picture>> {
         let Some(targets) = &self.views.silhouette else { return Ok(Vec::new()) };
         let settings = Settings {

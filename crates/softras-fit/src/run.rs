@@ -20,7 +20,7 @@ type Best = (f64, Mesh, usize);
 ///
 /// # fn main() -> softras::Result<()> {
 /// let mut renderer = Renderer::new()?;
-/// // What to reach: the silhouettes of a cube. Yours would be masks of photographs, with the cameras that took them.
+/// // The targets: the silhouettes of a cube. Yours would be masks of photographs, with the cameras that took them.
 /// let goal = Scene::new(shapes::cube()?);
 /// let around = |i: u32| Camera::from_angles(4.0, 20.0, 90.0 * f64::from(i), Projection::Perspective { fov_y: 0.6 });
 /// let cameras = (0..4).map(around).collect::<softras::Result<Vec<_>>>()?;

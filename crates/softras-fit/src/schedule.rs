@@ -3,7 +3,7 @@
 /// A number as a function of progress, 0 at the first step and 1 at the last.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Schedule {
-    /// The same value throughout.
+    /// One value throughout.
     Constant(f64),
     /// From one value to another by equal factors; both above 0.
     Exponential {

@@ -68,7 +68,7 @@ pub struct Scores {
     pub solid: Option<f64>,
     /// The mean difference of the colours in the fitted views.
     pub color: Option<f64>,
-    /// The same in the views that were held out.
+    /// The mean difference of the colours in the views that were held out.
     pub color_held_out: Option<f64>,
 }
 

@@ -1,4 +1,4 @@
-//! What pictures show of a mesh's surface: the colours of its points, and how squarely each view sees them.
+//! A mesh's surface as pictures show it: the colours of its points, and how squarely each view sees them.
 
 use crate::{
     Topology, cameras, doubles,
@@ -44,7 +44,7 @@ struct Sight<'a> {
 }
 
 impl<'a> Seen<'a> {
-    /// What views show of a mesh.
+    /// The surface of a mesh as views show it.
     pub fn of(mesh: &Mesh, views: &'a Views, settings: &Settings, renderer: &mut Renderer) -> Result<Self> {
         let (height, width) = views.size()?;
         let size = (width as u32, height as u32);
@@ -59,7 +59,7 @@ impl<'a> Seen<'a> {
         Ok(Self(sights))
     }
 
-    /// What the photographs of views show of a mesh.
+    /// The surface of a mesh as the photographs of views show it.
     pub fn of_photographs(mesh: &Mesh, views: &'a Views, settings: &Settings, renderer: &mut Renderer) -> Result<Self> {
         let (scene, settings) = depths_of(mesh, settings)?;
         let sight = |(view, photograph): (usize, &'a Photograph)| {
@@ -211,7 +211,7 @@ impl<'a> Sight<'a> {
     }
 }
 
-/// Of each vertex, a third of the area vectors of the triangles around it.
+/// For each vertex, a third of the area vectors of the triangles around it.
 pub fn areas(mesh: &Mesh) -> Vec<DVec3> {
     let points = points(mesh);
     let mut areas = vec![DVec3::ZERO; points.len()];

@@ -26,7 +26,7 @@ const RECUT_AT: [f64; 2] = [0.3, 0.6];
 /// Everything about a fit that does not change while it runs.
 #[derive(Clone, Debug)]
 pub struct Setup {
-    /// What was asked for.
+    /// The options as the user gave them.
     pub given: FitOptions,
     /// The mesh to begin with.
     pub template: Mesh,

@@ -45,7 +45,7 @@ impl Subdivision {
         self.with(mesh, &Topology::of(mesh)?)
     }
 
-    /// The same, for a mesh whose topology is known.
+    /// Subdivides a mesh whose topology is known, as [`Subdivision::of`].
     pub(super) fn with(self, mesh: &Mesh, topology: &Topology) -> Result<Mesh> {
         let finer = |values: &[[f32; 3]]| match self {
             Self::Midpoint => with_middles(values, topology),
@@ -112,7 +112,7 @@ fn rounded(values: &[[f32; 3]], topology: &Topology) -> Vec<[f32; 3]> {
     singles(&finer.collect::<Vec<DVec3>>())
 }
 
-/// The weight of each of so many neighbours of a vertex (Warren).
+/// The weight of each neighbour of a vertex that has `neighbors` of them (Warren).
 fn weight(neighbors: usize) -> f64 {
     match neighbors {
         0 => 0.0,

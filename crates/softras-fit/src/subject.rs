@@ -1,4 +1,4 @@
-//! What is known of the object that a fit is to find.
+//! The object that a fit is to find: its views, and what else is known of it.
 
 use crate::{
     cameras::{self, Sphere},

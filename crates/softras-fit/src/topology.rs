@@ -34,7 +34,7 @@ pub struct Topology {
 }
 
 impl Topology {
-    /// The connectivity of triangles over this number of vertices. Of three or more triangles at an edge, every two make a flap.
+    /// The connectivity of triangles over this number of vertices. If three or more triangles meet at an edge, every two make a flap.
     ///
     /// # Errors
     /// [`softras::Error::Fit`] for an index out of range, and for more vertices than there are indices.

@@ -1,4 +1,4 @@
-//! What a fit has not found, by its outline: holes of the pictures that the mesh covers, and parts that it leaves out.
+//! Faults of a fit that its outline shows: holes of the pictures that the mesh covers, and parts that it leaves out.
 
 use crate::{
     mask_iou,
@@ -71,7 +71,7 @@ impl Unseen {
         }
     }
 
-    /// What the mesh does wrong, with the names of the views that show it.
+    /// The faults of the mesh in words, with the names of the views that show them.
     pub fn reasons(&self, name: impl Fn(usize) -> String) -> Vec<String> {
         let list = |views: &[usize]| {
             let first: Vec<String> = views.iter().take(8).map(|view| name(*view)).collect();
@@ -100,7 +100,7 @@ impl Unseen {
     }
 }
 
-/// The settings for hard silhouettes with so many samples along each side of a pixel.
+/// The settings for hard silhouettes with `samples` samples along each side of a pixel.
 pub fn hard(settings: &Settings, size: (usize, usize), samples: usize) -> Settings {
     let (outputs, silhouette) = (Outputs::SILHOUETTE, SilhouetteAggregation::Hard);
     Settings { outputs, silhouette, sigma: 1e-7, ..sized(settings, size, samples) }

@@ -71,7 +71,7 @@ pub fn narrowed(subject: &mut Subject, work: &mut Work) -> Result<bool> {
     work.goes_on().map(|()| true)
 }
 
-/// Takes so many pixels off the masks' rims, and their colours.
+/// Takes `by` pixels off the masks' rims, and the colours there.
 fn narrow(views: &mut Views, by: f64) -> Result<()> {
     let Some(silhouettes) = &mut views.silhouette else { return Ok(()) };
     let distances = signed_distance(silhouettes)?;

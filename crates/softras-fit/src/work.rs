@@ -1,4 +1,4 @@
-//! What the stages of a fit work with, and what they tell while they do.
+//! The renderer and the listener that the stages of a fit share, and the events that the listener is told.
 
 use crate::bad;
 use softras::{Renderer, Result};
@@ -50,12 +50,12 @@ pub struct Progress {
     pub loss: Option<f64>,
 }
 
-/// What a fit tells while it works.
+/// An event that a fit tells while it works.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Event<'a> {
-    /// What the fit is going to do, and about how long that takes.
+    /// The plan: what the fit is going to do, and about how long that takes.
     Plan(&'a str),
-    /// What the user should know.
+    /// A note for the user.
     Note(&'a str),
     /// Where the fit is.
     Progress(Progress),
@@ -67,7 +67,7 @@ pub type Told<'a> = dyn FnMut(Event<'_>) -> ControlFlow<()> + 'a;
 /// A renderer, and who is told.
 pub struct Work<'a> {
     pub renderer: &'a mut Renderer,
-    /// What the user should know; those up to `sent` have been told.
+    /// Notes for the user; those up to `sent` have been told.
     pub notes: &'a mut Vec<String>,
     sent: usize,
     told: &'a mut Told<'a>,
@@ -76,7 +76,7 @@ pub struct Work<'a> {
 }
 
 impl<'a> Work<'a> {
-    /// Of a stage of so many parts; the notes so far have been told.
+    /// Begins with a stage of `of` parts; the notes so far have been told.
     pub fn new(
         renderer: &'a mut Renderer,
         notes: &'a mut Vec<String>,
@@ -88,7 +88,7 @@ impl<'a> Work<'a> {
         Self { renderer, sent: notes.len(), notes, told, at, is_stopped: false }
     }
 
-    /// Begins a stage of so many parts.
+    /// Begins a stage of `of` parts.
     ///
     /// # Errors
     /// As [`Work::goes_on`].

@@ -21,7 +21,7 @@ pub struct Budget {
 }
 
 impl Budget {
-    /// A budget of so many bytes; `None`: 640 MiB and 128 times the files' sizes, but at most half of the machine's memory.
+    /// A budget of `memory` bytes; `None`: 640 MiB and 128 times the files' sizes, but at most half of the machine's memory.
     pub fn new(memory: Option<u64>) -> Self {
         let budget = Self { asked: memory, most: Cell::new(0), claimed: Cell::new(0) };
         budget.set(memory.unwrap_or(FREE));
@@ -33,7 +33,7 @@ impl Budget {
         self.most.set(if self.asked.is_some() { most } else { most.min(machine()) });
     }
 
-    /// Counts a file of so many bytes, which allows more unless the user said how much.
+    /// Counts a file of `bytes` bytes. This raises the budget, up to half of the machine's memory, unless the user set one.
     pub fn count_file(&self, bytes: u64) {
         if self.asked.is_none() {
             self.set(self.most.get().saturating_add(bytes.saturating_mul(PER_BYTE)));

@@ -44,7 +44,7 @@ pub(crate) fn are_bytes(values: impl Iterator<Item = f32> + Clone) -> bool {
     values.clone().any(|x| x >= 2.0 * BRIGHT) && values.into_iter().all(is_byte)
 }
 
-/// What stands for 1 among whole numbers up to `greatest` in a type up to `most`: wide types hold bytes as often as all that they can.
+/// The number that stands for 1 among whole numbers up to `greatest` in a type up to `most`. A wide type may hold bytes or its full range.
 pub(crate) fn top(most: f32, greatest: f32) -> f32 {
     let usual = if greatest <= 255.0 { 255.0 } else { 65535.0 };
     if greatest <= usual { usual.min(most) } else { most }
@@ -57,8 +57,8 @@ pub(crate) fn is_color(color: &[f32; 3]) -> bool {
     color.iter().all(|x| x.abs() <= Mesh::BRIGHTEST)
 }
 
-/// Decodes the colours of a list as a file has them, where `most` is the largest number of their type, if that is whole. What is
-/// taken otherwise than the file says is noted.
+/// Decodes the colours of a list as a file has them, where `most` is the largest number of their type, if that is whole. Each departure
+/// from what the file says is noted.
 pub(crate) fn settle(colors: &mut [[f32; 3]], most: Option<f32>, srgb: bool, notes: &mut Notes) {
     let values = || colors.iter().filter(|color| is_color(color)).flatten().copied();
     let greatest = values().fold(0.0, f32::max);

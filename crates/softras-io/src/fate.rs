@@ -1,8 +1,8 @@
-//! What becomes of the properties of file formats. Each format lists its own; docs/formats.md shows them all.
+//! The fates of the properties of file formats. Each format lists its own; docs/formats.md shows them all.
 
 pub use Fate::{Approximated, Drawn, NotDrawn, Silent};
 
-/// What becomes of a property.
+/// The way in which a property of a file is handled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fate {
     /// It is in the picture.
@@ -15,7 +15,7 @@ pub enum Fate {
     Silent,
 }
 
-/// What becomes of properties. Each row has names separated by spaces.
+/// The fates of properties. Each row has names separated by spaces.
 pub type Fates = [(&'static str, Fate)];
 
 /// All names of a table.

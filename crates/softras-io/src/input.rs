@@ -59,7 +59,7 @@ pub fn refuse_empty(path: &Path, bytes: u64) -> Result<()> {
     if bytes > 0 { Ok(()) } else { refuse(path, "the file is empty", "write it or copy it again") }
 }
 
-/// A vector with room for so many values, so that a lack of memory for what a file holds is an error and not the end of the
+/// A vector with room for `count` values. A lack of memory for the content of a file is then an error and does not end the
 /// process.
 ///
 /// # Errors
@@ -76,7 +76,7 @@ pub(crate) fn vector<T>(path: &Path, count: usize) -> Result<Vec<T>> {
     }
 }
 
-/// Makes sure that so many bytes could be allocated at once, before code that ends the process if they cannot.
+/// Makes sure that `bytes` bytes can be allocated at once, before code that ends the process if they cannot.
 ///
 /// # Errors
 /// [`Error::OutOfMemory`].

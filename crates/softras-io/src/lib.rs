@@ -82,9 +82,9 @@ pub fn load(path: impl AsRef<Path>) -> Result<Mesh> {
 /// - PLY: vertices in their order. Colours are decoded as textures are.
 /// - STL and glTF: vertices at one position become one; v runs up, as in OBJ files.
 ///
-/// docs/formats.md lists what is drawn. What is left out is noted: faces of fewer than three corners, malformed materials, textures
-/// that are no image, over 16384 pixels a side, over 2²⁷ pixels in all, or over 2²⁵ and 16 for each byte of their files. A material
-/// file or texture that is missing or lies outside the mesh's folder is looked for by its name in the folder.
+/// docs/formats.md lists what is drawn. A note tells of each part that is left out: faces of fewer than three corners, malformed
+/// materials, textures that are no image, over 16384 pixels a side, over 2²⁷ pixels in all, or over 2²⁵ and 16 for each byte of their
+/// files. A material file or texture that is missing or lies outside the mesh's folder is looked for by its name in the folder.
 ///
 /// # Errors
 /// [`Error::Io`] when the file cannot be read; [`Error::File`] for other formats, and with the line for what leaves no mesh to
@@ -231,22 +231,22 @@ fn by_ending(path: &Path) -> Option<Format> {
     }
 }
 
-/// What is wrong with a part of a file, and what to do.
+/// A fault in a part of a file, and its remedy.
 type Wrong<F = &'static str> = (String, F);
 
-/// The same, said of the place that it is in.
+/// Puts the place of a fault in front of its text.
 fn within<F>(place: impl std::fmt::Display) -> impl FnOnce(Wrong<F>) -> Wrong<F> {
     move |(what, fix)| (format!("{place}: {what}"), fix)
 }
 
-/// What is wrong with a file, and what to do.
+/// An error that tells what is wrong with a file, and what to do.
 fn fault(path: &Path, what: impl Into<String>, fix: impl Into<String>) -> Error {
     fault_at(path, None, what, fix)
 }
 
-/// The same on a line.
+/// [`fault`] with the line of the file.
 fn fault_at(path: &Path, line: impl Into<Option<usize>>, what: impl Into<String>, fix: impl Into<String>) -> Error {
-    // What a parser quotes of a file may be as long as the file.
+    // A parser may quote as much as the whole file.
     let what = what.into().chars().take(300).collect();
     Error::File { path: path.into(), line: line.into(), what, fix: fix.into() }
 }

@@ -8,7 +8,7 @@ const MAX_NOTES: usize = 128;
 /// The most of those that are counted: a binary file has any number of unknown words.
 const MAX_COUNTED: usize = MAX_NOTES / 2;
 
-/// What was met and is not kept.
+/// A part of a file that was met and is not kept as it stands.
 struct Note {
     /// `None` for the mesh file.
     file: Option<PathBuf>,

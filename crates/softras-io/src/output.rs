@@ -4,8 +4,8 @@
 //! the old content or the new one and an error leaves the old. Temporary files are created new: a link that lies under
 //! their name is never followed. A link in place of the target itself is written through, and an existing file keeps its
 //! permissions. Several files that belong together are all flushed before the first is renamed, and the last one is the
-//! one that names the others, so that it never names a file that is missing. What a killed process left is removed by a
-//! later write to its folder.
+//! one that names the others, so that it never names a file that is missing. A later write to a folder removes the
+//! temporary files that a killed process left there.
 
 use softras::{Error, Result};
 use std::{
@@ -67,7 +67,7 @@ fn stage(target: &Path, bytes: &[u8]) -> io::Result<NamedTempFile> {
     let mut builder = tempfile::Builder::new();
     // Short whatever the target's name: that may already be as long as the file system allows.
     builder.prefix(PREFIX).suffix(SUFFIX).rand_bytes(12);
-    // What any program creates files with; the process's umask takes bits away.
+    // The mode with which any program creates files; the process's umask takes bits away.
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
     let mut file = builder.tempfile_in(folder_of(target))?;

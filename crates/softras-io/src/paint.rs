@@ -3,7 +3,7 @@
 use crate::{notes::Notes, texture::Decoded};
 use softras::scene::{Appearance, Texture, Wrap};
 
-/// What an image shows beyond its edges along one side.
+/// The way in which an image goes on beyond its edges along one axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Edge {
     Repeat,
@@ -30,7 +30,7 @@ impl Canvas {
 /// too many texels, the image repeats along both, with a note.
 ///
 /// # Errors
-/// What is wrong with the image.
+/// A text that tells what is wrong with the image.
 pub fn on_canvas(
     image: Decoded,
     edges: [Edge; 2],
@@ -147,8 +147,8 @@ impl Patch<'_> {
 }
 
 /// One texture of all patches, each a square whose first row, first column and diagonal are the sides of its triangle, and the UVs
-/// of their corners. Between texels the renderer interpolates as it does between corners, so that colours alone are exact. At
-/// most so many texels.
+/// of their corners. Between texels the renderer interpolates as it does between corners, so that colours alone are exact. The
+/// squares have at most `most` texels together, but never fewer than 2 by 2 each.
 pub fn patches(patches: &[Patch], most: u64) -> Result<(Texture, Vec<Corners>), String> {
     let mut limit = MOST_CELLS;
     let cells = loop {

@@ -59,7 +59,7 @@ pub struct Floats {
 /// The content of a PNG file.
 ///
 /// # Errors
-/// What the encoder refuses: no pixels, or too many.
+/// An error of the encoder: no pixels, or too many.
 pub(crate) fn png(bytes: &[u8], width: u32, height: u32, color: ExtendedColorType) -> ImageResult<Vec<u8>> {
     let mut file = Vec::new();
     PngEncoder::new(&mut file).write_image(bytes, width, height, color)?;
@@ -72,7 +72,7 @@ impl Picture {
         Self { width, height, pixels: vec![pixel; width * height] }
     }
 
-    /// The same picture on an opaque background.
+    /// Lays the picture on an opaque background.
     pub fn flattened(mut self, ground: [u8; 3]) -> Self {
         for pixel in &mut self.pixels {
             let a = u32::from(pixel[3]);

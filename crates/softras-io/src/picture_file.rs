@@ -58,7 +58,7 @@ pub struct PictureFile {
     pub file_bytes: u64,
     /// Whether its format changes the pixels, as JPEG does.
     pub is_lossy: bool,
-    /// What it says, and what is done.
+    /// The orientation that the file says, and the one that is applied.
     exif: Orientation,
     orientation: Orientation,
     decoder: Box<dyn ImageDecoder>,
@@ -83,7 +83,7 @@ impl PictureFile {
         limits.max_alloc = Some(u64::from(MAX_SIDE) * u64::from(MAX_SIDE) * BYTES_PER_PIXEL);
         reader.limits(limits.clone());
         let mut decoder: Box<dyn ImageDecoder> = Box::new(reader.into_decoder().map_err(refuse)?);
-        // What cannot be read of the orientation changes nothing.
+        // An orientation that cannot be read changes nothing.
         let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
         let (width, height) = decoder.dimensions();
         if width.min(height) == 0 || width.max(height) > MAX_SIDE {

@@ -6,7 +6,7 @@ use glam::DVec3;
 /// Cutting off ears takes time up to the square of the number of corners, so larger concave polygons are refused.
 const MAX_CONCAVE: usize = 2048;
 
-/// What to do about a polygon that is not cut.
+/// The remedy for a polygon that is not cut.
 pub const FIX: &str = "triangulate it in a modelling program";
 
 /// The note on polygons that are not simple.
@@ -26,7 +26,7 @@ pub struct Cut {
 /// Cuts a polygon of three or more of some positions.
 ///
 /// # Errors
-/// What is wrong, for a concave polygon of more than 2048 corners.
+/// A text that tells what is wrong, for a concave polygon of more than 2048 corners.
 pub fn of(corners: &[u32], positions: &[[f64; 3]]) -> Result<Cut, String> {
     if corners.len() == 3 {
         return Ok(Cut { triangles: vec![[0, 1, 2]], is_simple: true });

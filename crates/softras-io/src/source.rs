@@ -54,7 +54,7 @@ pub struct Loaded {
     pub y_is_up: bool,
     /// The names of the file's materials that triangles have.
     pub materials: Vec<String>,
-    /// What the file contains and the mesh does not, each with its line.
+    /// Notes on parts of the file that are not in the mesh, each with its line.
     pub notes: Vec<String>,
     /// All files that were read: the mesh file first, then its materials and textures.
     pub files: Vec<PathBuf>,

@@ -34,7 +34,7 @@ impl Decoded {
 /// Reads an image file, its values from sRGB to linear if so asked, of at most `room` texels, and adds it to the files that were read.
 ///
 /// # Errors
-/// What is wrong with it.
+/// A text that tells what is wrong with it.
 pub fn read(source: &mut Source, path: &Path, srgb: bool, room: Room) -> std::result::Result<Decoded, String> {
     let file = input::open(path).map_err(|error| match error {
         // The caller names the file.
@@ -53,13 +53,13 @@ pub fn read(source: &mut Source, path: &Path, srgb: bool, room: Room) -> std::re
 /// Decodes an image in memory, as [`read`] one in a file.
 ///
 /// # Errors
-/// What is wrong with it.
+/// A text that tells what is wrong with it.
 pub fn decode_bytes(bytes: &[u8], srgb: bool, room: Room) -> std::result::Result<Decoded, String> {
     let reader = picture_file::reader(Cursor::new(bytes), None).map_err(|error| error.to_string())?;
     decode(reader, bytes.len() as u64, srgb, room)
 }
 
-/// Decodes an image of so many bytes and at most `room` texels, from sRGB to linear values if so asked.
+/// Decodes an image whose file has `length` bytes, of at most `room` texels, from sRGB to linear values if so asked.
 fn decode(mut reader: Reader<'_>, length: u64, srgb: bool, room: Room) -> std::result::Result<Decoded, String> {
     let undecodable = |error: image::ImageError| {
         format!("{error} (use a PNG or JPEG of at most {MAX_SIDE}×{MAX_SIDE} pixels: magick IN OUT.png)")
@@ -96,7 +96,7 @@ fn level_fits(bytes: &[u8], width: u32, height: u32) -> bool {
 /// Decodes a KTX2 image of Basis Universal, as [`decode_bytes`].
 ///
 /// # Errors
-/// What is wrong with it.
+/// A text that tells what is wrong with it.
 pub fn decode_basis(bytes: &[u8], srgb: bool, room: Room) -> std::result::Result<Decoded, String> {
     const UNPACK: &str = "(npx @gltf-transform/cli ktxdecompress IN.glb OUT.glb)";
     #[cfg(feature = "packed")]

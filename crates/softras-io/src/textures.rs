@@ -25,8 +25,8 @@ pub struct Room {
 }
 
 impl Room {
-    /// For the first or only image, where all of them may take so many bytes of memory.
-    /// If that was asked for, the sizes of files do not matter.
+    /// The room for the first or only image, where all of them may take `memory` bytes.
+    /// If the user asked for that number, the sizes of files do not matter.
     pub fn within(memory: u64, is_asked: bool) -> Self {
         Self { most: MAX_TEXELS.min(memory / BYTES_PER_PIXEL), taken: 0, is_asked }
     }
@@ -36,7 +36,7 @@ impl Room {
         self.taken += texels as u64;
     }
 
-    /// The most texels of an image whose file has so many bytes.
+    /// The most texels of an image whose file has `bytes` bytes.
     pub fn texels(self, bytes: u64) -> u64 {
         let by_size = FREE_TEXELS.saturating_sub(self.taken).saturating_add(bytes.saturating_mul(TEXELS_PER_BYTE));
         let left = self.most.saturating_sub(self.taken);
@@ -62,7 +62,7 @@ impl<K: Eq + Hash> Textures<K> {
         Self { images, ..Self::new(Room::within(u64::MAX, false)) }
     }
 
-    /// The index of an image; a new one is made, with at most so many texels as `make` is told.
+    /// The index of an image. `make` makes a new one, with at most the texels of the [`Room`] that it gets.
     pub fn find_or(&mut self, key: K, make: impl FnOnce(Room) -> Option<Texture>) -> Option<u32> {
         match self.by_key.entry(key) {
             Entry::Occupied(known) => *known.get(),

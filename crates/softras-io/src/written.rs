@@ -1,4 +1,4 @@
-//! What the writers write: a mesh, and what a file may say beside it.
+//! The input of the writers: a mesh, and what a file may say beside it.
 
 use crate::{Curve, Loaded, SaveOptions, coincident::face_away};
 use softras::{
@@ -22,7 +22,7 @@ pub struct Written<'a> {
     pub unlit: bool,
     pub curve: Curve,
     pub origin: [f64; 3],
-    /// What the format does not hold.
+    /// Notes on what the format does not hold.
     pub notes: Vec<String>,
 }
 

@@ -1,8 +1,8 @@
 //! numpy arrays to the library's rows and images, and back.
 //!
 //! `softras._arrays` says which types and values an array may have, by what its numbers mean: "number", "place", "light",
-//! "texture" (light with alpha), "picture" or "mask". The library owns its arrays, so that each is copied once on the way in. What the
-//! library returns is handed over without a copy.
+//! "texture" (light with alpha), "picture" or "mask". The library owns its arrays, so that each is copied once on the way in. Arrays that
+//! the library returns are handed over without a copy.
 
 use crate::exceptions::bad_input;
 use numpy::{Element, PyArray1, PyArray2, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};

@@ -34,7 +34,7 @@ pub fn exception(class: &str, text: impl Into<String>) -> PyErr {
     Python::attach(|py| made(py).unwrap_or_else(|error| error))
 }
 
-/// What is wrong with an argument, and how to fix it.
+/// An exception that tells what is wrong with an argument, and how to fix it.
 pub fn bad_input(what: impl std::fmt::Display, fix: &str) -> PyErr {
     exception("InputError", format!("{what}: {fix}"))
 }

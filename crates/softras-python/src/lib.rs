@@ -1,7 +1,7 @@
 //! The extension module `softras._softras`: meshes, cameras, renderers and fits on numpy arrays.
 //!
-//! Each class wraps one type of the library. What Python does as well (settings and lights as data classes, exceptions, torch)
-//! is written in Python, in `python/softras`.
+//! Each class wraps one type of the library. Parts that Python does as well (settings and lights as data classes, exceptions, torch)
+//! are written in Python, in `python/softras`.
 
 mod arrays;
 mod camera;

@@ -114,7 +114,7 @@ fn wraps(value: &Bound<'_, PyAny>, count: usize) -> PyResult<Vec<Wrap>> {
 }
 
 impl Look<'_> {
-    /// What the arguments describe; `None` where none is given. A textured mesh of `own` adds to textures or UVs what they lack.
+    /// The appearance that the arguments describe; `None` where none is given. A textured mesh `own` supplies missing textures or UVs.
     fn appearance(&self, faces: &[[u32; 3]], own: Option<&softras::Mesh>, light: &str) -> PyResult<Option<Appearance>> {
         match (&self.colors, &self.surface, &self.textures, &self.uvs) {
             (None, None, None, None) => Ok(None),
@@ -266,7 +266,7 @@ impl Mesh {
         (!normals.is_empty()).then(|| arrays::array(py, normals.to_vec())).transpose()
     }
 
-    /// What textures show outside the unit square, "repeat" or "clamp": a list with one for each texture where they differ.
+    /// The mode of textures outside the unit square, "repeat" or "clamp": a list with one for each texture where they differ.
     #[getter]
     fn wrap(&self, py: Python<'_>) -> PyResult<Py<PyAny>> {
         let name = |texture: &Texture| if texture.wrap() == Wrap::Clamp { "clamp" } else { "repeat" };
@@ -275,7 +275,7 @@ impl Mesh {
         if names.iter().all(|name| *name == names[0]) { names[0].into_py_any(py) } else { names.into_py_any(py) }
     }
 
-    /// What the file contains and the mesh does not, each with its line.
+    /// Notes on parts of the file that are not in the mesh, each with its line.
     #[getter]
     fn notes(&self) -> Vec<String> {
         self.notes.clone()
@@ -287,22 +287,22 @@ impl Mesh {
         self.mesh.bounds()
     }
 
-    /// The same mesh with normals [V, 3] of any length, which smooth shading takes in place of the mean of the triangles'; 0
+    /// This mesh with normals [V, 3] of any length, which smooth shading takes in place of the mean of the triangles'; 0
     /// stands for that mean, and None for no normals. They are constants: gradients do not go through them, and other
-    /// positions drop them. OBJ files are written without. Raises MeshError.
+    /// positions drop them. Raises MeshError.
     fn with_normals(&self, normals: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
         let normals = normals.map_or(Ok(Vec::new()), |normals| rows(normals, "normals"))?;
         Ok(Self { mesh: self.mesh.clone().with_normals(normals).raise()?, notes: self.notes.clone() })
     }
 
-    /// The same mesh with other positions, [V, 3], and no normals of its own. Raises MeshError.
+    /// This mesh with other positions, [V, 3], and no normals of its own. Raises MeshError.
     fn with_positions(&self, positions: &Bound<'_, PyAny>) -> PyResult<Self> {
         let mut moved = self.clone();
         moved.mesh.set_positions(rows(positions, "positions")?).raise()?;
         Ok(moved)
     }
 
-    /// The same mesh with another appearance; arguments as of the class. Raises MeshError, InputError.
+    /// This mesh with another appearance; arguments as of the class. Raises MeshError, InputError.
     #[pyo3(
         name = "with_look",
         signature = (**look),

@@ -147,7 +147,7 @@ pub fn gradient_mode(name: &str) -> PyResult<GradientMode> {
     chosen("mode", name, &[("exact", GradientMode::Exact), ("paper", GradientMode::Paper)])
 }
 
-/// What to differentiate by.
+/// The inputs to differentiate by.
 pub fn wanted(by: &Bound<'_, PyAny>, mode: &str) -> PyResult<GradientRequest> {
     let mut wanted = GradientRequest { mode: gradient_mode(mode)?, ..GradientRequest::NOTHING };
     for name in names(by)? {

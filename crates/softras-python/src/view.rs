@@ -63,7 +63,7 @@ impl Plan<'_> {
     }
 }
 
-/// What is looked at: a mesh, or a mesh file with its normals and transparent materials.
+/// The subject of a picture: a mesh, or a mesh file with its normals and transparent materials.
 #[derive(FromPyObject)]
 pub enum Subject {
     Mesh(Mesh),

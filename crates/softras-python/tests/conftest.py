@@ -1,4 +1,4 @@
-"""What the tests share: a renderer, a scene, and the recorded outputs of the official code where they are."""
+"""Fixtures that the tests share: a renderer, a scene, and the recorded outputs of the official code where they are."""
 
 import os
 import pathlib

@@ -33,12 +33,12 @@ def needs(package, ask=None):
 
 
 def run(folder, name, text, changes, *arguments):
-    """What a program prints after some of its numbers were changed, each of which it must contain once."""
+    """The output of a program after some of its numbers were changed, each of which it must contain once."""
     for old, new in changes.items():
         assert text.count(old) == 1, f"{name} has no single {old!r}"
         text = text.replace(old, new)
     (folder / name).write_text(text, encoding="utf-8")
-    # What Ray leaves in the home directory stays in the test's.
+    # Files that Ray leaves in the home directory stay in the test's folder.
     environment = {**os.environ, "MPLBACKEND": "agg", "HOME": str(folder)}
     command = [sys.executable, name, *map(str, arguments)]
     result = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, timeout=600)

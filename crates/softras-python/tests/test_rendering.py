@@ -293,7 +293,7 @@ def test_files_keep_a_mesh(tmp_path, bumpy):
         np.testing.assert_array_equal(read.positions, mesh.positions)
         np.testing.assert_array_equal(read.triangles, mesh.triangles)
         assert all(path.exists() for path in files) and repr(read) == repr(mesh)
-    # The same number is the same light, in any format and look.
+    # A number means one light in any format and look.
     looks = [{"colors": [0.5] * 3}, {"colors": np.full((4, 3), 0.5)}, {"textures": np.full((4, 4, 3), 0.5)}]
     for mesh in [square(**look) for look in looks]:
         view = {"size": 16, "unlit": True, "elevation": 0, "azimuth": 180}

@@ -11,9 +11,9 @@ import pytest
 import softras
 from strangers import COLORS, FILES
 
-# What trimesh 4 reads otherwise than the specification says, or not at all: positions that are shares, fans, sparse accessors and what
-# moves vertices in glTF; polygons beside triangles, lists of vertices, and elements between vertices and faces, in PLY; old line ends and names with words
-# of the format in STL; tabs, comments that end in a backslash and polygons that are not convex in OBJ.
+# Files that trimesh 4 reads otherwise than the specification says, or not at all. glTF: normalized positions, fans, sparse accessors,
+# morphs, skins and instances. PLY: polygons beside triangles, lists of vertices, and elements between vertices and faces. STL: old
+# line ends and names with words of the format. OBJ: tabs, comments that end in a backslash and polygons that are not convex.
 TRIMESH_CANNOT = {"share True", "mode 6", "sparse True", "morph", "skin", "instances", "polygon True", "weighted True"}
 TRIMESH_CANNOT |= {"['vertex', 'other', 'face']"}
 TRIMESH_CANNOT |= {"end '\\r'", "name vertex 1 2 3", "name endsolid", "space '\\t'", "backslash True"}

@@ -156,7 +156,7 @@ def test_several_textures_of_a_mesh(patched, cameras, settings):
     upstream = np.random.default_rng(7).standard_normal(frame.color.shape).astype(np.float32)
     expected = frame.backward(color=upstream, by=("positions", "texels", "uvs")).meshes[0]
     vertices, uvs, faces = leaf(patched.positions), leaf(patched.uvs), torch.tensor(patched.triangles.astype(np.int64))
-    # The same mesh by its arrays, and as a template of which the texels, or texels and UVs, are tensors.
+    # The mesh by its arrays, and as a template of which the texels, or texels and UVs, are tensors.
     whole = {"uvs": uvs, "texture_of_triangle": torch.tensor(patched.texture_of_triangle.astype(np.int64)), "wrap": "clamp"}
     for template, look in ((faces, whole), (patched, {"uvs": uvs}), (patched, {})):
         textures = [leaf(texture) for texture in patched.textures]

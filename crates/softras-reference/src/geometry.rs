@@ -79,7 +79,7 @@ pub fn locate<R: Real>(corners: &[[R; 2]; 3], pixel: [f64; 2], surface_point: Su
     Location { inside, distance2, barycentrics: Some(barycentrics), sampled }
 }
 
-/// The longest edge, the first of equals. Of a point it is edge 2, which begins at corner 0.
+/// The longest edge, the first of equals. A triangle without extent has edge 2, which begins at corner 0.
 fn longest_edge<R: Real>(corners: &[[R; 2]; 3]) -> usize {
     let lengths: [f64; 3] = std::array::from_fn(|k| edge_length2(corners, k));
     let longest = (1..3).fold(0, |best, k| if lengths[k] > lengths[best] { k } else { best });

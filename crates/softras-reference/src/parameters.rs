@@ -1,6 +1,6 @@
 //! Every number that an image can be differentiated by, in one flat vector.
 //!
-//! The same layout holds the values that are rendered and the derivatives that are returned, so that a finite
+//! One layout holds the values that are rendered and the derivatives that are returned, so that a finite
 //! difference changes one element.
 
 use super::real::Real;
@@ -39,7 +39,7 @@ pub(super) struct MeshSlots {
     pub surface: Range<usize>,
     pub uvs: Range<usize>,
     pub textures: Vec<Range<usize>>,
-    /// Of each texture; empty for an opaque one.
+    /// One range for each texture; empty for an opaque one.
     pub alphas: Vec<Range<usize>>,
 }
 
@@ -114,7 +114,7 @@ impl Parameters {
         Self { values: builder.0, layout: Layout { meshes, views, lights, settings } }
     }
 
-    /// The same layout, every value 0.
+    /// Parameters of this layout, every value 0.
     pub(super) fn zeros_like(&self) -> Self {
         Self { values: vec![0.0; self.values.len()], layout: self.layout.clone() }
     }
@@ -230,7 +230,7 @@ impl Parameters {
 
 /// Where the code that is generic over [`Real`] reads its inputs from.
 pub trait Source {
-    /// What it computes with.
+    /// The number type that it computes with.
     type R: Real;
 
     /// The input at this index of the parameters.

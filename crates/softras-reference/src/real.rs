@@ -23,7 +23,7 @@ pub trait Real:
         Self::constant(1.0)
     }
 
-    /// The same value, treated as a constant.
+    /// This value, treated as a constant.
     fn detach(self) -> Self {
         Self::constant(self.value())
     }

@@ -7,7 +7,7 @@ use super::project::Lens;
 use super::real::{Real, lerp};
 use softras::scene::{Appearance, Camera, Faces, FrontFace, Mesh, Parity, Projection, Scene, Settings};
 
-/// What a triangle's corner carries.
+/// The data of a triangle's corner.
 #[derive(Clone, Copy, Debug)]
 pub struct Corner<R> {
     /// x, y on the screen.
@@ -61,7 +61,7 @@ impl<R: Real> Piece<R> {
         self.corners.map(|c| c.screen)
     }
 
-    /// The same piece in other numbers; `f` gets each number and its index among the piece's [`Piece::SCALARS`].
+    /// This piece in other numbers; `f` gets each number and its index among the piece's [`Piece::SCALARS`].
     pub fn map<T: Real>(&self, mut f: impl FnMut(R, usize) -> T) -> Piece<T> {
         let corners = std::array::from_fn(|k| {
             let scalars = self.corners[k].scalars();

@@ -1,4 +1,4 @@
-//! What of a mesh file is no part of its mesh: a renderer of the mesh alone does not draw it, and pictures for people do.
+//! Transparency and single-sided materials are no part of a mesh: pictures for people draw them, a renderer of the mesh alone does not.
 
 use crate::crease::{area, edges, welded};
 use glam::DVec3;

@@ -3,7 +3,7 @@
 use crate::options::{Motion, Options, Swept};
 use softras_io::Picture;
 
-/// What a sweep changes and its value in one frame.
+/// The setting that a sweep changes, and its value in one frame.
 pub type Step = (Swept, f64);
 
 /// One frame to render: its turn in degrees, its step of a sweep, and its label.
@@ -13,7 +13,7 @@ pub struct Moment {
     pub turn: f64,
     /// The setting that a sweep changes, with its value.
     pub step: Option<Step>,
-    /// What a contact sheet says under it.
+    /// The text under it in a contact sheet.
     pub label: String,
 }
 

@@ -116,7 +116,7 @@ impl Groups {
     }
 }
 
-/// What the corners of a vertex have in common.
+/// The key that the corners of one vertex share.
 #[derive(PartialEq, Eq, Hash)]
 enum Shared {
     /// The position and the bits of a given normal.

@@ -1,4 +1,4 @@
-//! What the files of a picture are made of, collected band by band.
+//! The content of a picture's files, collected band by band.
 
 use crate::{
     options::Output,
@@ -22,7 +22,7 @@ enum Values {
     Pixels(Vec<[u8; 4]>),
     /// The depth and the alpha of each pixel, whose greys depend on the range of all depths.
     Depths(Vec<[f32; 2]>, (f64, f64)),
-    /// The model's values, of so many channels.
+    /// The model's values, and the number of their channels.
     Floats(Vec<f32>, usize),
 }
 

@@ -60,7 +60,7 @@ impl Sided {
         Ok(Self { mesh: self.mesh.part(kept)?, single_sided })
     }
 
-    /// What a camera sees of it. `turns`: its normals point to the viewer.
+    /// The mesh without the single-sided triangles that a camera sees from behind. `turns`: its normals point to the viewer.
     pub fn shown(&self, camera: &Camera, turns: bool) -> Result<Mesh> {
         let seen = match self.single_sided.contains(&true) {
             true => Cow::Owned(seen(&self.mesh, &self.single_sided, camera)?),

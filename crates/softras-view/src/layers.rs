@@ -26,7 +26,7 @@ const NEARLY: f32 = 0.05;
 #[derive(Debug)]
 pub struct Glass {
     sides: Sided,
-    /// The same triangles, whose grey values are their opacities.
+    /// The triangles of `sides`, with their opacities as grey values.
     grey: Mesh,
     /// The opacity of each; `None` where a texture has it.
     opacity: Vec<Option<f32>>,
@@ -42,7 +42,7 @@ pub struct Pane {
 /// How much a layer hides.
 #[derive(Debug)]
 enum Opacity<T> {
-    /// The same everywhere.
+    /// One opacity everywhere.
     One(f32),
     /// A scene, or a frame, whose grey values are the opacities.
     Several(T),
@@ -211,7 +211,7 @@ pub fn image_of(frame: &Frame, output: Output) -> Result<&Image> {
     }
 }
 
-/// What multiplies an image's values, as the composite background's model has them.
+/// The factor that the model with the composite background has put on an image's values.
 fn factor(settings: &Settings, output: Output, alpha: f32) -> f32 {
     let blended = output == Output::Color || settings.color == ColorAggregation::Softmax;
     if settings.background == Background::Composite && blended { alpha } else { 1.0 }

@@ -50,7 +50,7 @@ pub fn settings(
     }
 }
 
-/// The same where each sample shows what it hits.
+/// The settings with hard modes, where each sample shows what it hits.
 pub fn sharp(settings: Settings) -> Settings {
     Settings {
         color: ColorAggregation::Hard,

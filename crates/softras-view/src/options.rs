@@ -1,4 +1,4 @@
-//! What a picture shows, and how.
+//! The options of a picture: its content, camera, look and motion.
 
 use softras::{
     Settings,
@@ -31,17 +31,17 @@ impl Output {
     }
 }
 
-/// What of the mesh fills the picture, where neither the camera's place nor its distance is given.
+/// The bounds of the mesh that fill the picture, where neither the camera's place nor its distance is given.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Fill {
     /// The box of its projected vertices fills 90 %, or less where a blur needs room, in all frames of a turntable.
     #[default]
     Box,
-    /// Its bounding sphere fills 85 % of the smaller side, from the same place however the mesh is turned.
+    /// Its bounding sphere fills 85 % of the smaller side; the camera stays in its place however the mesh is turned.
     Sphere,
 }
 
-/// What the alpha of a picture is.
+/// The meaning of a picture's alpha.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Alpha {
     /// 1 inside of surfaces, soft at their outlines.
@@ -102,7 +102,7 @@ impl Default for CameraOptions {
 }
 
 impl CameraOptions {
-    /// The same camera where points are given from an origin in its coordinates ([`softras_io::Loaded::origin`]).
+    /// The camera with its points given from an origin in its coordinates ([`softras_io::Loaded::origin`]).
     pub fn relative_to(mut self, origin: [f64; 3]) -> Self {
         let moved = |point: [f64; 3]| [0, 1, 2].map(|k| point[k] - origin[k]);
         (self.eye, self.target) = (self.eye.map(moved), self.target.map(moved));
@@ -171,7 +171,7 @@ impl Default for LightOptions {
 pub struct Options {
     /// The camera.
     pub camera: CameraOptions,
-    /// What of the mesh fills the picture.
+    /// The bounds of the mesh that fill the picture.
     pub fill: Fill,
     /// Size, softness and background.
     pub look: Look,
@@ -187,7 +187,7 @@ pub struct Options {
     /// With smooth shading, normals are computed from the triangles, and edges at which the surface bends by more than this many
     /// degrees are kept; `None`: the normals of the file, and 40 where it has none.
     pub crease: Option<f64>,
-    /// What changes from frame to frame.
+    /// The change from frame to frame.
     pub motion: Motion,
 }
 
@@ -235,13 +235,13 @@ impl Options {
     }
 }
 
-/// What changes from frame to frame.
+/// The change from frame to frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Motion {
     /// One picture.
     #[default]
     Still,
-    /// One turn around the vertical axis in so many frames; the lights move with the camera.
+    /// One turn around the vertical axis in this number of frames; the lights move with the camera.
     Turntable(usize),
     /// A setting that changes.
     Sweep(Sweep),

@@ -20,7 +20,7 @@ struct Outline {
     nearest: f64,
 }
 
-/// The layers of the given triangles of a mesh, in a picture of so many columns and rows, of what lies beyond near. Nearer triangles
+/// The layers of the given triangles of a mesh, cut at near, in a picture of `size`, columns and rows. Nearer triangles
 /// come first, so that those without a place are the farthest.
 pub fn panes(mesh: &Mesh, triangles: &[usize], camera: &Camera, size: (u32, u32), near: f64) -> Vec<Vec<usize>> {
     let mut outlines: Vec<Outline> = triangles.iter().filter_map(|&t| outline(mesh, t, camera, size, near)).collect();
@@ -31,7 +31,7 @@ pub fn panes(mesh: &Mesh, triangles: &[usize], camera: &Camera, size: (u32, u32)
         let over = covered(&outline.corners, size);
         let layer = free_layer(&outlines, outline, over.iter().flat_map(|&cell| &cells[cell]));
         layers[layer].push(outline.triangle);
-        // What overlaps in its layer hides nothing that could be found a place.
+        // Triangles of the last layer may overlap. They are the farthest ones, and keep no other out of a layer.
         if layer < MOST {
             over.into_iter().for_each(|cell| cells[cell].push((number, layer)));
         }

@@ -83,7 +83,7 @@ impl Shot {
         let (image, alpha) = (self.image(output, self.is_solid)?, self.image(Output::Silhouette, self.is_solid)?);
         let (image, alpha) = (image.as_ref(), alpha.as_ref());
         let (width, first) = (image.width / self.samples, self.above / self.samples);
-        // What is blended of several layers is solid already.
+        // An image that is blended of several layers is solid already.
         let solid = (self.is_solid && self.layers.is_empty()).then(|| solid(alpha));
         let samples = Samples { image, model: alpha.view(0), alpha: solid.as_deref().unwrap_or(alpha.view(0)) };
         for row in first..first + self.rows.len() / self.samples {

@@ -29,7 +29,7 @@ pub fn shrunk(mesh: Mesh, limits: &Limits) -> Result<(Mesh, Option<String>)> {
     within(mesh, (limits.max_storage_buffer_range / TEXEL).min(limits.max_texel_buffer_elements) - OWN)
 }
 
-/// The same for so many texels.
+/// The mesh with its largest textures halved until they have at most `most` texels together, and a note if any was.
 fn within(mesh: Mesh, most: u64) -> Result<(Mesh, Option<String>)> {
     let Appearance::Textured { uvs, uv_triangles, textures, texture_of_triangle } = mesh.appearance() else {
         return Ok((mesh, None));

@@ -11,8 +11,8 @@ use softras::Image;
 const LEAST_INSIDE: f32 = 0.745;
 
 /// The silhouette of one view with 1 where the pixel and its eight neighbours all have what a surface has inside. At the
-/// outline of a closed surface the silhouette falls through ¾, so that the outermost pixels keep their soft values. What
-/// lies outside the image counts as being like the pixels at its border.
+/// outline of a closed surface the silhouette falls through ¾, so that the outermost pixels keep their soft values. Pixels
+/// outside the image count as being like those at its border.
 pub fn solid(silhouette: &Image) -> Vec<f32> {
     let (width, height, alpha) = (silhouette.width, silhouette.height, silhouette.view(0));
     let covered: Vec<bool> = alpha.iter().map(|a| *a >= LEAST_INSIDE).collect();

@@ -11,20 +11,20 @@ use softras::Mesh;
 const FLAT: f64 = 0.02;
 /// The least area of the hull that a mesh stands on, as a share of the area of its box seen from above.
 const LEAST_BASE: f64 = 0.1;
-/// The same for an axis other than y, and how many times the hull of the highest points it must be: a slab that is as flat
-/// above as below says nothing.
+/// The least area of that hull for an axis other than y, and how many times the hull of the highest points it must be: a slab
+/// that is as flat above as below says nothing.
 const CLEAR_BASE: f64 = 0.25;
 const CLEAR_DIFFERENCE: f64 = 2.0;
 /// A mesh that is flatter than this share of its largest side hangs on a wall more often than it stands on its back: of 820
 /// pieces of furniture (Debian's sweethome3d-furniture, where y is up) 47 have a flat back, 37 of them flatter than this.
 const LEAST_HEIGHT: f64 = 0.6;
 /// A plate is thinner than this share of its other sides, and its lower face has at least this share of the upper one's area, or the
-/// other way round: it lies flat. Of the same furniture five pieces are such plates upright, such as a shutter and two railings.
+/// other way round: it lies flat. Five pieces of the same furniture are such plates upright, such as a shutter and two railings.
 const PLATE: f64 = 0.1;
 const SAME_FACES: f64 = 0.8;
 
-/// Whether z is up, and not y: the mesh has a base there and does not stand on y, or is a plate there. Of forty public files that
-/// stand on x alone, one has x up: x is never taken.
+/// Whether z is up, and not y: the mesh has a base there and does not stand on y, or is a plate there. x is never taken: one of
+/// forty public files that stand on x alone has x up.
 pub fn z_is_up(mesh: &Mesh) -> bool {
     let points: Vec<DVec3> = mesh.triangles().iter().flatten().map(|&i| point(mesh, i)).collect();
     let (low, high) = points.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), p| (l.min(*p), h.max(*p)));

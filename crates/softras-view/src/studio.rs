@@ -26,10 +26,10 @@ use softras_io::Loaded;
 /// The most samples of all layers of a band: 20 to 40 bytes each.
 const MOST_SAMPLES: usize = 1 << 24;
 
-/// Bands begin at multiples of so many rows of the picture, and so at the borders of tiles.
+/// Bands begin at multiples of this number of rows of the picture, and so at the borders of tiles.
 const BAND: usize = 4;
 
-/// What is noted of a camera whose near and far leave the mesh out.
+/// The note on a camera whose near and far leave the mesh out.
 pub const MISSED: &str = "the mesh lies wholly outside the depths that this camera draws";
 
 /// A mesh before the camera.

@@ -22,7 +22,7 @@ impl View {
         Self::of_loaded(mesh.clone().into())
     }
 
-    /// The same of a mesh file, with its normals and its transparent materials.
+    /// A mesh file with its normals and its transparent materials, seen as [`of`](Self::of) says.
     pub fn of_loaded(loaded: Loaded) -> Self {
         Self { loaded, options: Options::default() }
     }

@@ -42,7 +42,7 @@ impl Bits {
         }
         let over = |tenths| Self::new(counts.iter().map(|count| 10 * count >= tenths * all.len()));
         let score = |mean: &Self| all.iter().map(|one| mean.iou(one)).sum::<f64>();
-        // Of equals the last is taken, a half before all others.
+        // `max_by` takes the last of equal scores: a half before all other shares, then the smaller ones.
         [9, 8, 7, 6, 4, 3, 2, 1, 5].map(over).into_iter().max_by(|a, b| score(a).total_cmp(&score(b)))
     }
 }

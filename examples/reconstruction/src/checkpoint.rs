@@ -25,7 +25,7 @@ const CURVE: &str = "training.curve";
 const OPTIMIZER: &str = "training.optimizer";
 const FIX: &str = "give a checkpoint that `train` has written";
 
-/// What a checkpoint says of itself.
+/// The state of a training that a checkpoint records beside its weights.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Status {
     /// How the network is trained.
@@ -167,7 +167,7 @@ mod tests {
         assert!(refused(&changed(name, &shape, f32::NAN)).contains("center.weight is not finite"));
         assert!(refused(&changed(name, &[5, 3], 0.0)).contains("F32 of shape [5, 3]"));
         assert!(refused(&changed("middle.weight", &shape, 0.0)).contains("center.weight"));
-        // What it says of itself must be what it has.
+        // The status that the file records must fit the tensors that it has.
         let saying = |from: &str, to: &str| {
             let said = metadata.clone().unwrap().into_iter().map(|(key, text)| {
                 assert!(text.contains(from), "{text}");

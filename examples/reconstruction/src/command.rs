@@ -1,4 +1,4 @@
-//! What each subcommand does.
+//! The work of each subcommand.
 
 use crate::args::{Cli, Command, DataArgs, DemoArgs, EvaluateArgs, PredictArgs, TrainArgs};
 use crate::config::Row;
@@ -83,7 +83,7 @@ fn train(args: &TrainArgs) -> Result<()> {
             keep(&mut trainer, &validation, &args.output)?;
         }
     }
-    // What the last steps taught, and what an interruption leaves.
+    // Keep what the last steps taught, also after an interruption.
     keep(&mut trainer, &validation, &args.output)
 }
 

@@ -12,7 +12,7 @@ use std::fmt;
 /// Scores of several methods on a test set.
 #[derive(Clone, Debug)]
 pub struct Table {
-    /// What the first column is headed by.
+    /// The heading of the first column.
     head: &'static str,
     classes: Vec<String>,
     /// For each method its name and its runs, each with one score for each class. A method that is no network has one run.

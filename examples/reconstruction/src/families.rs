@@ -41,7 +41,7 @@ fn legs(random: &mut Random, solid: &mut Solid, half: [f64; 2], height: f64, col
     }
 }
 
-/// What carries a seat or a table's top: legs, a pedestal, two panels, or a block.
+/// The support of a seat or a table's top: legs, a pedestal, two panels, or a block.
 fn support(random: &mut Random, solid: &mut Solid, half: [f64; 2], height: f64, color: [f32; 3]) {
     match random.below(6) {
         0 => {

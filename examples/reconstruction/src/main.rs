@@ -64,7 +64,7 @@ fn camera_at(azimuth: f64) -> Result<Camera> {
     Camera::from_angles(2.732, 30.0, azimuth, Projection::Perspective { fov_y: 30f64.to_radians() })
 }
 
-/// The same settings for images with hard edges.
+/// The settings for images with hard edges.
 fn hard(settings: Settings) -> Settings {
     Settings {
         color: ColorAggregation::Hard,

@@ -72,7 +72,7 @@ pub struct Network {
     template: Template,
 }
 
-/// What the network sees in a batch of pictures.
+/// The shapes that the network sees in a batch of pictures.
 #[derive(Clone, Debug)]
 pub struct Shapes {
     /// `[pictures, vertices, 3]`, within ±½.

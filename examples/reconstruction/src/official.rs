@@ -41,7 +41,7 @@ pub fn read(path: &Path, device: &Device) -> Result<Network> {
     weights::load(network, &state, device).map_err(broken)
 }
 
-/// What PyTorch calls `state_dict`.
+/// The weights of a file, which PyTorch calls a `state_dict`.
 struct State(PytorchReader);
 
 impl State {

@@ -1,4 +1,4 @@
-//! What a step of a training sees: objects, each in two views.
+//! The objects of a training step, each in two views.
 
 use crate::VIEWS;
 use crate::data::Set;

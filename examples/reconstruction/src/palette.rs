@@ -27,17 +27,17 @@ const LEAST_ALPHA: f64 = 1e-6;
 /// The layers that choose the colours of a mesh's vertices.
 #[derive(Module, Debug)]
 pub struct Palette {
-    /// What each colour of the palette looks for in every picture: `[1, colours × features]`. The colours begin apart, since
+    /// The part of each query q that is the same for all pictures: `[1, colours × features]`. The colours begin apart, since
     /// vertices could not tell equal ones from each other.
     queries: Param<Tensor<2>>,
-    /// What it looks for besides, by the code of the picture.
+    /// The part of each query that depends on the code of the picture.
     by_code: Linear,
     hidden: Linear,
     selection: Linear,
 }
 
 impl Palette {
-    /// Random weights, for codes of a length, maps of so many channels, and meshes of so many vertices.
+    /// Random weights, for codes of length `code`, maps of `channels` channels, and meshes of `vertices` vertices.
     pub fn new(code: usize, channels: usize, vertices: usize, device: &Device) -> Self {
         let features = channels + 2 * WAVES;
         let uniform = |most: f64| Initializer::Uniform { min: -most, max: most };
@@ -192,7 +192,7 @@ mod tests {
             let gradients = GradientsParams::from_grads(loss(&palette).backward(), &palette);
             palette = optimizer.step(3e-2, palette, gradients);
         }
-        // What one colour for all vertices, the best of them, would leave.
+        // The loss of one colour for all vertices, the best of them.
         let one: f32 = (0..3).map(|k| (RED[k] - BLUE[k]).abs() / 6.0).sum();
         let learned: f32 = loss(&palette).into_scalar();
         assert!(learned < 0.1 * one, "{learned} of {one}");

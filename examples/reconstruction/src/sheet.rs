@@ -1,4 +1,4 @@
-//! What a network makes of pictures, to look at: a sheet of several objects beside the truth, and a shape that turns.
+//! Pictures of a network's predictions: a sheet of several objects beside the truth, and a shape that turns.
 
 use crate::data::Set;
 use crate::network::{Network, meshes};

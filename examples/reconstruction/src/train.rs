@@ -28,7 +28,7 @@ pub struct Trainer {
     cameras: Vec<Camera>,
 }
 
-/// What no step changes, on one device.
+/// The values that no step changes, on one device.
 #[derive(Debug)]
 struct Constants {
     smoothness: Smoothness,
@@ -86,7 +86,7 @@ impl Trainer {
         })
     }
 
-    /// What a checkpoint says: the configuration and the curve so far.
+    /// The status that a checkpoint records: the configuration and the curve so far.
     pub fn status(&self) -> &Status {
         &self.status
     }
@@ -226,7 +226,7 @@ mod tests {
         Trainer::new(config, Renderer::new().unwrap()).unwrap()
     }
 
-    /// Trains for so many steps more.
+    /// Trains for `count` more steps.
     fn steps(trainer: &mut Trainer, set: &Set, count: usize) -> Vec<Row> {
         (0..count).map(|_| trainer.step(set).unwrap()).collect()
     }

@@ -11,7 +11,7 @@ fn run(folder: &Path, line: &str) -> Output {
     Command::new(PROGRAM).current_dir(folder).args(line.split_whitespace()).output().unwrap()
 }
 
-/// What a command that succeeds prints, and what it tells of its progress.
+/// The output of a command that succeeds, and its messages on progress.
 fn succeeds(folder: &Path, line: &str) -> (String, String) {
     let output = run(folder, line);
     let told = String::from_utf8(output.stderr).unwrap();
@@ -108,7 +108,7 @@ fn furniture_becomes_sets_and_hostile_archives_stay_inside() {
             files.push((format!("{i}/one.obj"), std::fs::read(&path).unwrap()));
         }
     }
-    // The same model again, and one that is missing.
+    // One piece repeats the model of another, and the model of one is missing.
     piece(90, "Sofa", "0/one.obj");
     piece(91, "Sofa", "gone/one.obj");
     // A model outside of the archive, where there is such a file.

@@ -23,7 +23,7 @@ impl Parts {
         self.unused.iter().find(|(f, _)| *f == format).map(|(_, part)| part)
     }
 
-    /// What a kernel binds for a buffer: the buffer itself, or the unused bytes where the plan requires none.
+    /// The bytes that a kernel binds for a buffer: the buffer itself, or the unused bytes where the plan requires none.
     pub fn find(&self, id: BufferId) -> Option<&BufferPart> {
         self.get(id).or_else(|| self.unused(id.row().format))
     }

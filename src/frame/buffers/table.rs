@@ -7,9 +7,9 @@ use crate::vulkan::{TexelFormat, vk};
 /// A buffer's size in bytes from the counts of its pass; 0 if the pass does not need the buffer.
 #[derive(Clone, Copy)]
 pub enum Formula {
-    /// Of a forward frame's buffer.
+    /// For a buffer of a forward frame.
     Frame(fn(&FrameCounts) -> u64),
-    /// Of a buffer that a backward pass adds.
+    /// For a buffer that a backward pass adds.
     Gradients(fn(&GradientCounts) -> u64),
 }
 

@@ -15,13 +15,13 @@ pub struct MeshShape {
     /// The largest number of triangle corners that share a vertex. A software device refuses to sum over too many of
     /// them ([`crate::Error::Limit`]); if this is less than the real number, it may lose some of them without an error.
     pub most_corners: u32,
-    /// What colours it.
+    /// Its appearance.
     pub appearance: AppearanceShape,
     /// Whether its vertices have normals ([`Mesh::with_normals`]).
     pub normals: bool,
 }
 
-/// What colours a mesh, as far as sizes depend on it.
+/// The appearance of a mesh, as far as sizes depend on it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum AppearanceShape {
     /// One colour for the whole mesh.

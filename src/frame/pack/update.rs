@@ -99,7 +99,7 @@ impl MeshTables {
         Some(changes)
     }
 
-    /// The same for a mesh's texture. `image` counts the images of all meshes so far.
+    /// Takes over a mesh's texture and returns the tables that differed. `image` counts the images of all meshes so far.
     fn update_texture(&mut self, appearance: &Appearance, mesh: usize, image: &mut usize) -> Changes {
         let mut changes = Changes::default();
         let layout = self.layouts[mesh];

@@ -17,11 +17,11 @@ pub enum BackwardStage {
     Cull,
     /// Sums over the pixels of each item that is visible in a shaded image.
     Shown,
-    /// The same for small items.
+    /// Sums over the pixels of each small item that is visible in a shaded image.
     ShownSmall,
     /// Sums over the pixels of each item that contributes to the silhouette only.
     Outline,
-    /// The same for small items.
+    /// Sums over the pixels of each small item that contributes to the silhouette only.
     OutlineSmall,
     /// Adds the sums over the cells that found no room to those of their triangles' first cells.
     Long,

@@ -23,7 +23,7 @@ pub struct Stage {
     set: DescriptorSet,
 }
 
-/// What a stage runs over.
+/// The work of a stage.
 enum Work<'a> {
     /// Workgroups along x, y and z; a zero where the plan does not need the stage.
     Groups([u32; 3]),
@@ -84,7 +84,7 @@ impl Stage {
         Ok(Self { pipeline, set })
     }
 
-    /// Records a dispatch of so many workgroups.
+    /// Records a dispatch of `groups` workgroups.
     pub(crate) fn record(&self, recorder: &mut Recorder<'_>, push: &[u8], groups: [u32; 3]) -> Result<()> {
         recorder.dispatch(&self.pipeline, &self.set, push, groups)
     }
@@ -187,7 +187,7 @@ fn stamp(recorder: &mut Recorder<'_>, pool: Option<&TimestampPool>, index: u32) 
     pool.map_or(Ok(()), |pool| recorder.timestamp(pool, index))
 }
 
-/// Fills a buffer with 0. Of a large buffer only the first part is filled, and the rest copied from it: on lavapipe
+/// Fills a buffer with 0. Only the first part of a large buffer is filled, and copied to the rest of it: on lavapipe
 /// vkCmdFillBuffer takes some nanoseconds for every four bytes, a copy far less.
 fn clear(recorder: &mut Recorder<'_>, buffer: &BufferPart, size: u64) -> Result<()> {
     const LARGE: u64 = 1 << 18;

@@ -53,8 +53,8 @@ impl Capacity {
         }
     }
 
-    /// The same lists with a quarter more room than was needed, so that a mesh in motion does not grow its lists every
-    /// frame; `None` if there was room for all.
+    /// The capacity with a quarter more room than was needed in the lists that had too little, so that a mesh in motion does not
+    /// grow its lists every frame; `None` if there was room for all.
     pub fn grown(self, needed: Self) -> Option<Self> {
         let room = |needed: u32, had: u32| {
             if needed > had { needed.saturating_add(needed / 4).min(LARGEST) } else { had }

@@ -139,7 +139,7 @@ mod tests {
         ]
     }
 
-    /// What differs between a kernel's push constants and the mirror.
+    /// The difference between a kernel's push constants and the mirror.
     fn difference(kernel: &Kernel, mirror: &[(&str, usize)]) -> Option<String> {
         let found: Vec<_> = kernel.push_members.iter().map(|m| (m.name, m.offset as usize)).collect();
         (found != mirror).then(|| format!("{}: {found:?}", kernel.name))

@@ -47,7 +47,7 @@ impl DepthSpan {
         Self::of_depths(nearest, farthest, settings)
     }
 
-    /// The same for a mesh. Its vertices are tested one by one if its box may cross a plane: the box of a mesh may
+    /// The span of a mesh. Its vertices are tested one by one if its box may cross a plane: the box of a mesh may
     /// cross where the mesh does not, and a frame in which nothing crosses is faster.
     pub(crate) fn of_mesh(mesh: &Mesh, bounds: Option<Bounds>, camera: &Camera, settings: &Settings) -> Self {
         let inside = Self { crosses_near: false, crosses_far: false };

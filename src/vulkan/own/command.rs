@@ -72,7 +72,7 @@ impl CommandBuffer {
     /// Records anew; what was recorded before is gone. After an error the command buffer is empty.
     ///
     /// # Errors
-    /// What `work` returns; as [`settle`](Self::settle).
+    /// The error that `work` returns; otherwise as [`settle`](Self::settle).
     pub fn record(&mut self, work: impl FnOnce(&mut Recorder<'_>) -> Result<()>) -> Result<()> {
         self.settle()?;
         self.state = State::Empty;
@@ -113,8 +113,8 @@ impl CommandBuffer {
         self.settle()
     }
 
-    /// The same with another command buffer's work before it, in one submission. Both are borrowed mutably, so that neither
-    /// can be submitted a second time meanwhile.
+    /// Executes what was recorded after another command buffer's work, in one submission, and waits for it. Both are borrowed
+    /// mutably, so that neither can be submitted a second time meanwhile.
     ///
     /// # Errors
     /// As [`submit_and_wait`](Self::submit_and_wait); [`Error::Vulkan`] for a command buffer of another device.

@@ -51,7 +51,7 @@ pub struct Context {
     shared: Arc<Shared>,
 }
 
-/// What buffers and command buffers need of a context.
+/// The part of a context that buffers and command buffers need.
 pub(super) struct Shared {
     // Before the device: dropping the allocator frees its memory.
     pub(super) allocator: Mutex<Allocator>,
@@ -129,7 +129,7 @@ impl Context {
         self.validation_log().messages()
     }
 
-    /// The same, readable after the context is gone.
+    /// The log of these messages, readable after the context is gone.
     pub fn validation_log(&self) -> ValidationLog {
         self.device().owned_instance().map(|instance| instance.log.clone()).unwrap_or_default()
     }

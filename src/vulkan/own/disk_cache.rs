@@ -12,7 +12,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-/// What our files begin with; a checksum of the driver's data follows.
+/// The first bytes of our files; a checksum of the driver's data follows.
 const MAGIC: &[u8; 8] = b"softras1";
 
 /// The most bytes of a file that is read; drivers write a few hundred kilobytes.

@@ -100,7 +100,7 @@ impl Loader {
         unsafe { ash::Entry::from_static_fn(ash::StaticFn { get_instance_proc_addr }) }
     }
 
-    /// Agrees on the interface with a driver, which must come before all other calls. What is too old about it, if anything.
+    /// Agrees on the interface with a driver, which must come before all other calls. Returns why the driver is too old, if it is.
     fn too_old(&self, negotiate: Negotiate) -> Result<Option<String>> {
         let mut version = INTERFACE;
         // SAFETY: the driver's function, with a number that it may lower.

@@ -90,7 +90,7 @@ impl ValidationLog {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
-    /// What to chain to an instance and to make a messenger of.
+    /// The structure to chain to an instance and to make a messenger of.
     ///
     /// The log must outlive every instance and messenger made with it: the pointer leads into the Arc.
     pub(super) fn create_info(&self) -> vk::DebugUtilsMessengerCreateInfoEXT<'static> {

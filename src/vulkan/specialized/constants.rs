@@ -5,7 +5,7 @@ use super::{Instruction, made, opcode};
 use spirv::{Decoration, Op};
 use std::collections::HashMap;
 
-/// What is known of a module's constants.
+/// The constants of a module, as far as they are known.
 #[derive(Clone, Default)]
 pub(super) struct Constants {
     /// The bits of each scalar; 0 or 1 for a bool.
@@ -43,8 +43,8 @@ impl Constants {
         self.scalars.get(&id).copied()
     }
 
-    /// Notes what a global instruction says of constants. What depends on specialization constants becomes a plain constant
-    /// where its value is known.
+    /// Notes the constant that a global instruction defines. A constant that depends on specialization constants becomes a plain
+    /// one where its value is known.
     pub(super) fn freeze(&mut self, instruction: &mut Instruction) {
         let Some(op) = opcode(instruction) else { return };
         let &[kind, id, ref operands @ ..] = instruction.get(1..).unwrap_or_default() else { return };

@@ -28,10 +28,10 @@ type Instruction = Vec<u32>;
 /// How much of a driver's work is done for it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Depth {
-    /// What the constants switch off goes. The driver may not fuse products and sums: a GPU's compiler chooses which ones by
+    /// Code that the constants switch off goes. The driver may not fuse products and sums: a GPU's compiler chooses which ones by
     /// what stands around them, so that two kernels would compute the same pair with different bits.
     Cut,
-    /// What the constants switch off goes, calls are inlined, loops are written out and variables become values. For lavapipe,
+    /// Code that the constants switch off goes, calls are inlined, loops are written out and variables become values. For lavapipe,
     /// which fuses nothing.
     Flat,
 }

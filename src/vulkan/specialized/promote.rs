@@ -17,7 +17,7 @@ struct Promotion<'a> {
     constants: &'a mut Constants,
     ids: &'a mut Ids,
     types: &'a Types,
-    /// What the pointers to promoted variables and their parts point to.
+    /// The places that the pointers to promoted variables and their parts point to.
     places: HashMap<u32, Place>,
     /// The types of the slots.
     slots: Vec<u32>,
@@ -54,7 +54,7 @@ impl Function {
         self
     }
 
-    /// What the pointers to the variables that can be promoted point to; `slots` gets the types of their parts.
+    /// The places that the pointers to the variables that can be promoted point to; `slots` gets the types of their parts.
     fn promoted(&self, types: &Types, constants: &Constants, slots: &mut Vec<u32>) -> HashMap<u32, Place> {
         let mut places: HashMap<u32, Place> = HashMap::new();
         let mut kept = self.carried();

@@ -82,7 +82,7 @@ fn what_is_switched_off_goes_and_what_is_on_stays() {
     assert!(count(&off, Op::FAdd) < count(&on, Op::FAdd));
 }
 
-/// What the rules of structured control flow ask of a module, as far as the pass could break it.
+/// The violations of the rules of structured control flow in a module, as far as the pass could cause them.
 fn problems(code: &[Instruction]) -> Vec<String> {
     let mut found = Vec::new();
     let defined: HashSet<u32> = code.iter().filter(|i| matches!(opcode(i), Some(Op::Label))).map(|i| i[1]).collect();

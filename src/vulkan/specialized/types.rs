@@ -5,14 +5,14 @@ use super::{Instruction, opcode};
 use spirv::Op;
 use std::collections::HashMap;
 
-/// What the types are made of.
+/// The parts of each type.
 #[derive(Default)]
 pub(super) struct Types {
     /// The members of structs, elements of arrays and columns of matrices.
     parts: HashMap<u32, Vec<u32>>,
     /// The components of vectors.
     components: HashMap<u32, u32>,
-    /// What pointers to a function's variables point to.
+    /// The types that pointers to a function's variables point to.
     pointees: HashMap<u32, u32>,
 }
 

@@ -46,7 +46,7 @@ fn a_slice_of_a_mapping_and_pending_work_exclude_each_other() -> Outcome {
     ] {
         assert!(refused.contains("`mapped`") && refused.contains("pending"), "{refused}");
     }
-    // The same buffer may be in several pending command buffers.
+    // A buffer may be in several pending command buffers.
     let mut more = fills(&context, &buffer, 9)?;
     more.submit()?;
     commands.settle()?;

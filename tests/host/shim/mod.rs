@@ -97,7 +97,7 @@ fn take(left: &AtomicI64) -> bool {
     left.fetch_update(Relaxed, Relaxed, |n| if n == i64::MAX { Some(n) } else { Some(n - 1) }).is_ok_and(|n| n > 0)
 }
 
-/// What fails, and how it says so.
+/// The error of a call that is to fail; `None` for one that is to succeed.
 fn refused(name: &str) -> Option<vk::Result> {
     if name == "vkAllocateMemory" && !take(&MEMORY_LEFT) || !take(&LEFT) {
         return Some(vk::Result::ERROR_OUT_OF_DEVICE_MEMORY);

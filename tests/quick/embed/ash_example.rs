@@ -115,7 +115,7 @@ fn requirements_are_known_before_there_is_a_device() {
     let info = needed.validate(&engine.host_adapter()).unwrap();
     assert!(info.suitable.is_ok() && !info.name.is_empty());
     assert_eq!((needed.features, needed.extensions), (&[][..], &[][..]));
-    // What every Vulkan 1.1 device guarantees, but for storage buffers in a stage, of which some have four.
+    // The limits that every Vulkan 1.1 device guarantees, but for storage buffers in a stage, of which some have four.
     let minima = [128, 8, 16, 16384, 128];
     for ((name, limit), minimum) in needed.limits.iter().zip(minima) {
         assert!(*limit <= minimum, "{name}: {limit}");

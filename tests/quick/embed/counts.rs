@@ -48,7 +48,7 @@ fn first_triangles(case: &Case, count: usize) -> Scene {
     Scene { meshes: vec![fewer], ..case.scene.clone() }
 }
 
-/// A count that only the device knows draws what a mesh of so many triangles draws, gradients included.
+/// A count that only the device knows draws what a mesh with that count of triangles draws, gradients included.
 #[test]
 fn a_count_that_only_the_device_knows_is_drawn() {
     let engine = engine();

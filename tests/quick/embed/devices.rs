@@ -148,7 +148,7 @@ fn a_hosts_queries_time_every_stage() {
     assert_silent(engine);
 }
 
-/// What the simple API renders through the loader, with its gradient by the silhouette, and what was said meanwhile.
+/// The images and gradients of the simple API through the loader, and whether it timed its stages; the layers must be silent.
 fn simple(case: &Case, upstream: &ImageGradient) -> (Vec<Image>, Gradients, bool) {
     let (loader, cache) = (Some(shim::loader()), CacheFolder::Nowhere);
     let options = RendererOptions { loader, cache, ..Default::default() };

@@ -127,7 +127,7 @@ fn several_meshes_of_a_host_render_as_one_scene() {
         let mesh = &expected.meshes[0];
         assert_eq!(difference(&positions, mesh.positions.as_flattened()), None);
         assert_eq!(difference(&colors, mesh.colors.as_flattened()), None);
-        // The host's vertices get sums over three or two instances. What no draw reads, and other words, stay.
+        // The host's vertices get sums over three or two instances. Vertices that no draw reads, and other words, stay.
         let due = Expected::new(&scenery.engines, mesh);
         let words = scenery.gradients.floats(0, 10 * scenery.engines.vertices().len());
         let part = |first: usize| words.chunks_exact(10).flat_map(|v| v[first..first + 3].to_vec()).collect::<Vec<_>>();

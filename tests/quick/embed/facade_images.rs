@@ -67,7 +67,7 @@ fn textures_come_straight_from_a_hosts_images_and_buffers() {
     let floats: Vec<[f32; 4]> = bytes.iter().map(|t| [linear(t[0]), linear(t[1]), linear(t[2]), 1.0]).collect();
     let rgb: Vec<[f32; 3]> = floats.iter().map(|t| [t[0], t[1], t[2]]).collect();
 
-    // The same as a scene: the textured quad, and a cube of one colour behind it.
+    // The expected frame, rendered as a scene: the textured quad, and a cube of one colour behind it.
     let quad_uvs: Vec<[f32; 2]> = CORNERS.iter().map(|c| [c[3], 1.0 - c[4]]).collect();
     let cube = shapes::cube().unwrap();
     let mut positions: Vec<[f32; 3]> = CORNERS.iter().map(|c| [c[0], c[1], c[2]]).collect();

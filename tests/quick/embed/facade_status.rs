@@ -1,4 +1,4 @@
-//! What a pass reports of a frame: that more room would make it faster, or that a vertex was not finite.
+//! The status of a pass's frame: that more room would make it faster, or that a vertex was not finite.
 
 use super::facade::{Memory, Scenery, bind, run};
 use crate::common::gradient::random_upstream;

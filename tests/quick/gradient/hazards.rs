@@ -165,7 +165,7 @@ fn degenerate_and_duplicate_triangles() {
     // Collinear to the last bit.
     let line = [[-0.484375, -0.3515625, 2.0], [0.515625, 0.3984375, 2.25], [0.015625, 0.0234375, 2.5]];
     let point = [[0.41, 0.43, 2.0]; 3];
-    // The same triangle twice and turned about, a segment in every order of corners, a point.
+    // A triangle twice and turned about, a segment from each of its corners, and triangles with two corners in one place.
     let each = [
         ("duplicates", vec![[a, b, c], [a, b, c], [b, c, a], [c, b, a]]),
         ("line", vec![line]),

@@ -26,7 +26,7 @@ fn unlit(mut case: Case) -> Case {
     case
 }
 
-/// The same upstream gradient and one of zeros by the normals, which needs corner gradients.
+/// The upstream gradient with one of zeros by the normals, which needs corner gradients.
 fn with_normals_of_zero(upstream: &ImageGradient) -> ImageGradient {
     let of = upstream.silhouette.as_ref().unwrap();
     let data = vec![0.0; 3 * of.data.len()];

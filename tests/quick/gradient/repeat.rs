@@ -1,4 +1,4 @@
-//! The same gradient every time, in bounded memory, of many views and meshes; and what backward refuses.
+//! Gradients that stay the same every time, in bounded memory, of many views and meshes; and what backward refuses.
 
 use crate::common::{
     compare::same_bits,
@@ -201,7 +201,7 @@ fn huge_triangle_over_the_whole_image() {
     assert_lanes_agree(&made_case(Scene::new(mesh), vec![Camera::screen()], settings(tier(96, 256))), &[8, 32]);
 }
 
-/// What backward adds grows with pixels and with triangles, never with their product.
+/// The memory that backward adds grows with pixels and with triangles, never with their product.
 #[test]
 fn memory_does_not_grow_with_pixels_times_triangles() {
     let added = |size: u32, triangles: u32| {
@@ -240,7 +240,7 @@ fn assert_refused(result: Result<Gradients, Error>, what: &str) {
     }
 }
 
-/// What gradients are summed into begins at zero in every pass, also where it is so large that it is cleared in parts.
+/// A buffer that gradients are summed into begins at zero in every pass, also where it is so large that it is cleared in parts.
 #[test]
 fn a_large_texture_gets_the_same_gradient_again() {
     let side = 151;

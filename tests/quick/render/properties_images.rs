@@ -1,5 +1,5 @@
-//! What holds of every image, whatever the triangles, by proptest: no pair of pixel and triangle within the radius is
-//! missing from the tiles' lists and none is there twice; what the near plane cuts is what the brute-force reference leaves.
+//! Properties of every image, whatever the triangles, by proptest: no pair of pixel and triangle within the radius is missing
+//! from the tiles' lists and none is there twice; the near plane leaves of a triangle what the brute-force reference leaves.
 
 use crate::common::{compare::compare_frames, renderer, scenes::separate, tolerance::Tolerance};
 use glam::DMat4;

@@ -17,7 +17,7 @@ use softras::{
 };
 use softras_check::agreement::random_upstream;
 
-/// What a loop changes from step to step.
+/// The state that a loop changes from step to step.
 #[derive(Clone)]
 struct State {
     case: Case,
@@ -46,7 +46,7 @@ fn mesh(random: &mut Random) -> Mesh {
     mesh.with_appearance(appearance).unwrap()
 }
 
-/// The same mesh with some values, not counts, of its appearance changed.
+/// The mesh with some values, not counts, of its appearance changed.
 fn recolored(random: &mut Random, mesh: &Mesh) -> Mesh {
     let mut appearance = mesh.appearance().clone();
     match &mut appearance {

@@ -1,4 +1,4 @@
-//! What τ promises: in `guaranteed` mode no image is off by more than n τ of its range when n pairs are dropped.
+//! The promise of τ: in `guaranteed` mode no image is off by more than n τ of its range when n pairs are dropped.
 
 use crate::common::gradient::made_case;
 use crate::common::random::Random;
@@ -245,7 +245,7 @@ fn cutoffs_by_hand() {
     }
 }
 
-/// D is τ where the support ends, and a blur of so many pixels ends there.
+/// D is τ where the support ends, which is where a blur of that number of pixels ends.
 #[test]
 fn a_blur_ends_where_d_is_tau() {
     for (tau, pixels, height) in [(0.3, 3.0, 64), (1e-4, 0.7, 256)] {

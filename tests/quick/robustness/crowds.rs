@@ -66,8 +66,8 @@ fn assert_sums_of_parts(scene: &[[[f32; 3]; 3]], parts: std::slice::Chunks<[[f32
     assert!(least > at_least && worst < 1e-4, "at least {least} a pixel, off by {worst}");
 }
 
-/// The same for a bin, whose list other kernels make. Most triangles are outside the image, so that few lanes have all
-/// the others.
+/// A bin holds any number of triangles too; other kernels make its list. Most triangles are outside the image, so that few
+/// lanes have all the others.
 #[test]
 fn a_bin_holds_a_hundred_thousand_of_a_million_triangles() {
     let corners = dust(100_000);

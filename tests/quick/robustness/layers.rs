@@ -21,7 +21,7 @@ enum Order {
     Nearer,
 }
 
-/// One triangle so many times between the depths 3 and 5, each with colours of its own.
+/// One triangle `count` times between the depths 3 and 5, each with colours of its own.
 fn layers(count: usize, order: Order) -> Mesh {
     let corners: Vec<_> = (0..count)
         .map(|i| {

@@ -1,4 +1,4 @@
-//! What holds of every camera, whatever the numbers: proptest shrinks what does not.
+//! Properties of every camera, whatever the numbers: proptest shrinks the case that breaks one.
 
 use glam::DVec3;
 use proptest::prelude::*;

@@ -7,7 +7,7 @@ use glam::{DMat4, DVec3};
 use softras::scene::{Lights, Parity, Support};
 use softras::{Camera, GradientMode, Mesh, Projection, Result, Scene, Settings};
 
-/// What is promised of a case.
+/// The promise that is made of a case; each one includes those before it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Promise {
     /// Values are in range and a second run gives the same bits; promised of every case.
@@ -25,7 +25,7 @@ pub enum Promise {
 pub struct Case {
     /// The seed that it was drawn from.
     pub seed: u64,
-    /// What is promised of it.
+    /// The promise that is made of it.
     pub promise: Promise,
     /// The meshes and lights.
     pub scene: Scene,
@@ -59,7 +59,7 @@ impl Default for Kind {
 /// 1e-40 to 1e20, settings over their whole ranges and beyond, near and far equal or swapped.
 ///
 /// # Errors
-/// Of each the error of its mesh or its camera, which is a correct outcome of a case too.
+/// A case is an error if its mesh or its camera is refused, which is a correct outcome of a case too.
 pub fn batch(seed: u64, kind: Kind, count: usize) -> Vec<Result<Case>> {
     let mut draw = draw(seed, kind);
     if count > 1 {
@@ -93,7 +93,7 @@ const USUAL: usize = 40;
 /// The longest side of the images of a batch, which has many of them.
 const LONGEST: u32 = 512;
 
-/// What the cases of a batch share, and the generator that draws the rest.
+/// The settings that all cases of a batch share, and the generator that draws the rest.
 struct Draw {
     random: Random,
     form: &'static Form,
@@ -104,7 +104,7 @@ struct Draw {
     realistic: bool,
 }
 
-/// What differs between the cases of a batch.
+/// The parts that differ between the cases of a batch.
 struct View {
     mesh: Mesh,
     camera: Camera,

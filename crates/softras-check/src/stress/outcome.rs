@@ -1,11 +1,11 @@
-//! What running a case has found.
+//! The outcome of running a case.
 
 /// A violation of what must hold of every case.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Finding {
     /// Its kind: "panic", "not finite", "range", "bits", "error", "image", "gradient", "reference" or "validation".
     pub kind: &'static str,
-    /// What was found and where.
+    /// A description of what was found and where.
     pub what: String,
 }
 

@@ -1,4 +1,4 @@
-//! What is promised of a case, and how its error is measured.
+//! The promise that is made of a case, and how its error is measured.
 //!
 //! Every case has values in range and the same bits in a second run. Accuracy is promised where positions are a few units
 //! and lie between near and far, and γ (far - near) ≥ 1e-4 world units. There, images are within 2e-5 of the f64 model for

@@ -1,4 +1,4 @@
-//! What `softras stress` has found, each as the least scene that showed it and named after what it was.
+//! The faults that `softras stress` has found: for each the smallest scene that showed it, named after the fault.
 
 use crate::common::{gradient::all_finite, renderer, scenes::separate};
 use glam::{DMat4, DVec3};

@@ -50,7 +50,7 @@ impl ReadArgs {
         Ok(loaded)
     }
 
-    /// The same for a command that draws [`Loaded::opacity`] and [`Loaded::single_sided`].
+    /// Reads a mesh as [`read`](Self::read) does, for a command that draws [`Loaded::opacity`] and [`Loaded::single_sided`].
     pub fn read_layers(self, path: &Path, srgb: bool, outputs: &Outputs, budget: &Budget) -> Result<Loaded, Failure> {
         let options =
             LoadOptions { srgb, allow_outside: self.allow_outside, strict: self.strict, memory: budget.left() };

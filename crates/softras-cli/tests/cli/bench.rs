@@ -54,7 +54,7 @@ fn a_quick_run_gives_rows_that_can_be_compared() {
     let head = text.lines().find(|line| line.starts_with("scene ")).unwrap();
     assert!(head.trim_end().ends_with(" error") && !head.contains("untrunc"), "{head}");
     assert!(rows.iter().all(|row| row.get("max_error_untruncated").is_some()));
-    // What is asked for in the frame's pairs is the same whatever is drawn from them.
+    // The pairs that a frame needs do not depend on the images that are drawn from them.
     let needed = |mode: &str| rows.iter().find(|row| row["mode"] == mode).map(|row| row["pairs_needed"].clone());
     assert_eq!(needed("color+silhouette"), needed("silhouette"));
     assert!(needed("hard").unwrap().as_u64() < needed("silhouette").unwrap().as_u64());

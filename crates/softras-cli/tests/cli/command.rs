@@ -34,7 +34,7 @@ pub fn fails(folder: &Path, arguments: &[&str], code: i32, parts: &[&str]) {
     }
 }
 
-/// What the quick tier takes, or the full one: `SOFTRAS_TIER=full`.
+/// The value for the quick tier, or for the full one: `SOFTRAS_TIER=full`.
 pub fn tier<T>(quick: T, full: T) -> T {
     if std::env::var("SOFTRAS_TIER").is_ok_and(|tier| tier == "full") { full } else { quick }
 }

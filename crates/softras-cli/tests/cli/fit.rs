@@ -29,7 +29,7 @@ fn a_shape_is_fitted_to_views_of_a_mesh() {
     let mean = log["final"]["mask_iou"]["mean"].as_f64().unwrap();
     assert!(mean > 0.6, "{mean}");
     assert!(log["seconds_per_iteration"].as_f64().unwrap() > 0.0);
-    // What was written is what was scored, and it has colours.
+    // The mesh that was written is the one that was scored, and it has colours.
     let iou: f64 = succeeds(folder.path(), &["iou", "out.obj", "torus"]).trim().parse().unwrap();
     assert!((iou - log["final"]["iou_3d"].as_f64().unwrap()).abs() < 1e-3, "{iou}");
     let text = std::fs::read_to_string(at("out.obj")).unwrap();
@@ -195,7 +195,7 @@ fn a_texture_is_made_for_a_mesh_that_has_none() {
         ["color_error_by_vertices", "color_error"].map(|key| log["texture"][key].as_f64().unwrap());
     assert_eq!(log["final"]["color_error"].as_f64(), Some(error));
     assert!(error < 0.25 * by_vertices && by_vertices > 0.05, "{error} with a texture, {by_vertices} by vertices");
-    // What was written is found again, with its texture, and shows the pattern.
+    // The written mesh is read again with its texture, and shows the pattern.
     ["painted", "found", "grey"].iter().for_each(|name| look(folder.path(), name));
     let difference = |a: &str| difference(folder.path(), a, "painted_seen.png");
     let (seen, grey) = (difference("found_seen.png"), difference("grey_seen.png"));
@@ -324,7 +324,7 @@ fn depths_and_normals_are_fitted_too() {
         .save(at("seen/depths/view_000.png"))
         .unwrap();
     run(&format!("{read} --template sphere --subdivisions 1 --iterations 1 -o out.obj"));
-    // What does not belong to the pictures.
+    // Depth maps that do not belong to the pictures are refused.
     image::ImageBuffer::<image::Luma<u16>, _>::new(30, 40).save(at("seen/depths/view_000.png")).unwrap();
     refused(&format!("{read} -o out.obj"), &["30×40 pixels, its picture 40×40"]);
     std::fs::remove_file(at("seen/depths/view_000.png")).unwrap();

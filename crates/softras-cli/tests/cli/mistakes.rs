@@ -1,4 +1,4 @@
-//! What is said of mistakes that are made early: names of files, options that contradict each other, empty files and pictures.
+//! The messages on mistakes that are made early: names of files, options that contradict each other, empty files and pictures.
 
 use super::{fails, softras, succeeds, words};
 use std::fs;

@@ -69,7 +69,7 @@ fn a_picture_in_bands_is_the_whole_picture() {
     succeeds(folder, &[&turn[..], &["bands.png", "--memory", "3M"]].concat());
     let (count, most) = difference(&bytes(&folder.join("whole.png")), &bytes(&folder.join("bands.png")));
     assert!(most <= 3 && count < 100, "{count} differ by {most}");
-    // What not even four rows can be rendered in is an error.
+    // A limit of memory in which not even four rows can be rendered is an error.
     let little = ["render", "cube", "-o", "o.png", "--size", "4000x4", "--memory", "500K"];
     fails(folder, &little, 1, &["out of memory", "allow more"]);
 }

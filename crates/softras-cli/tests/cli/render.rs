@@ -166,7 +166,7 @@ fn each_side_shows_its_own_face() {
         assert_eq!(at_center("a.gltf", &["--eye", "0,0,-0.4"]), back, "{scale:?}");
         assert_eq!(at_center("a.gltf", &["--eye", "0,0,5", "--faces", "both"]), [255, 0, 0, 255]);
     }
-    // What draws the mesh alone says so.
+    // `grad` draws the mesh alone: with --strict it refuses single-sided materials.
     let strict = ["grad", "a.gltf", "--target", "a.png", "-o", "b.png", "--strict"];
     fs::write(
         folder.path().join("a.gltf"),
@@ -176,7 +176,7 @@ fn each_side_shows_its_own_face() {
     fails(folder.path(), &strict, 1, &["single-sided", "doubleSided"]);
 }
 
-/// What is seen from behind is lit from the side that is seen; a wall of mixed winding has one grey.
+/// A surface that is seen from behind is lit from the side that is seen; a wall of mixed winding has one grey.
 #[test]
 fn light_falls_on_the_side_that_is_seen() {
     let folder = tempfile::tempdir().unwrap();

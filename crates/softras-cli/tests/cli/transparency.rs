@@ -72,7 +72,7 @@ fn transparent_materials_are_blended_by_depth() {
     // A pane of full opacity is no layer.
     fs::write(folder.path().join("a.mtl"), mtl.replace("d 0.3", "d 1").replace("Tr 0.4", "Tr 0")).unwrap();
     assert_near(at(&render(folder.path(), &[]), 0.5), [0, 0, 255, 255]);
-    // What draws no layers says so.
+    // `iou` knows no layers: with --strict it refuses a transparent material.
     fs::write(folder.path().join("a.mtl"), mtl).unwrap();
     let bare = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl pane\nf 1 2 3\n";
     fs::write(folder.path().join("a.obj"), bare).unwrap();
@@ -111,7 +111,7 @@ fn panes_are_blended_with_all_that_lies_behind_them() {
     let crossing = render(folder.path(), &white);
     assert_near(at(&crossing, -1.0), [128, 64, 191, 255]);
     assert_near(at(&crossing, 1.0), [191, 64, 128, 255]);
-    // What has no layer of its own is noted.
+    // Triangles that have no layer of their own are noted.
     let many: Vec<_> = (0..18).map(|i| ("red", all, 0.1 * i as f32)).collect();
     fs::write(folder.path().join("a.obj"), rectangles(&many)).unwrap();
     let said = super::softras(folder.path(), &["render", "a.obj", "-o", "a.png", "--azimuth", "180"]);

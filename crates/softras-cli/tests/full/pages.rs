@@ -7,7 +7,7 @@ use crate::command::{PAGES, commands, page, succeeds};
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// What makes a command small: the first text in it, what stands there instead, and arguments to add.
+/// Changes that make commands small: how a command begins, a text in it, the text in place of that, and arguments to add.
 const SMALLER: [(&str, &str, &str, &str); 10] = [
     ("softras render ", "--turntable 100", "--turntable 3", ""),
     ("softras render ", "--sweep sigma=1e-5..1e-2:4", "--sweep sigma=1e-5..1e-2:2", ""),

@@ -55,7 +55,7 @@ fn a_hole_that_the_mesh_covers_is_cut_while_the_fit_runs() {
     assert_eq!(cut["covered_holes_in_views"].as_array().map(Vec::len), Some(0));
     let (_, resumed, _) = run("--template sphere --checkpoint fit.npz --resume");
     assert_eq!(resumed["genus"].as_u64(), Some(1));
-    // What begins with the hole is what it is without this, to the bit.
+    // A fit that begins with the hole is not cut anew: it gives the same bits with --keep-topology.
     let (said, _, hull) = run("");
     assert!(!said.contains("cut anew"), "{said}");
     assert_eq!(run("--keep-topology").2, hull);
@@ -75,7 +75,7 @@ fn a_cut_that_loses_outlines_at_first_is_kept_where_its_loss_falls_lower() {
         .unwrap();
     let mut lines = std::io::BufReader::new(child.stderr.take().unwrap()).lines().map_while(Result::ok);
     let said = lines.find(|line| line.contains("step 60:")).unwrap_or_default();
-    // What comes after the cut is not waited for.
+    // The test does not wait for the steps after the cut.
     child.kill().unwrap();
     child.wait().unwrap();
     assert!(said.contains("is now 1 part of genus 1 (mask IoU"), "{said}");

@@ -50,7 +50,7 @@ pub fn methods() -> [Method; 4] {
     let sigma = Schedule::Exponential { from: 3e-4, to: 3e-6 };
     let blur = Schedule::Exponential { from: 0.03, to: 0.003 };
     let soft = Method { name: "soft", sigma, blur, color: 1.0, visible_only: false };
-    // The same gamma, and the best of three sigmas on other seeds.
+    // A baseline with the γ of the others, and the best of three σ on other seeds.
     let (sigma, blur) = (Schedule::Constant(1e-4), Schedule::Constant(0.0));
     [
         Method { name: "visible only", visible_only: true, ..soft },
@@ -192,7 +192,7 @@ impl Stage {
         Ok(visible)
     }
 
-    /// The pose that a trial's fit ends with after so many steps.
+    /// The pose that a trial's fit ends with after `steps` steps.
     pub fn fit(&self, trial: &Trial, method: &Method, steps: usize, renderer: &mut Renderer) -> Result<SkeletonPose> {
         // Adam divides by the gradient's size, so rounding alone would move angles that the image does not determine. This ε is
         // a fraction of a usual gradient and prevents that.
@@ -267,7 +267,7 @@ fn camera(side: f64) -> Result<Camera> {
     Camera::look_at(DVec3::new(0.0, 0.25, side * DISTANCE), DVec3::new(0.0, 0.0, 0.0), DVec3::Y, projection)
 }
 
-/// The same mesh, each triangle with vertices of its own.
+/// The mesh taken apart: each triangle has vertices of its own.
 fn apart(mesh: &Mesh) -> Result<Mesh> {
     let each = |values: &[[f32; 3]]| mesh.triangles().iter().flatten().map(|&i| values[i as usize]).collect::<Vec<_>>();
     let triangles = (0..mesh.triangles().len() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();

@@ -15,7 +15,7 @@ const PIXELS: usize = 128;
 /// The most pictures that are compared.
 const VIEWS: usize = 24;
 
-/// What compares a mesh with the pictures.
+/// A comparison of meshes with the pictures.
 pub struct Eye<'a, 'w> {
     /// The pictures, with fewer pixels.
     pictures: Image,

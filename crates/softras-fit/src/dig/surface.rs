@@ -20,7 +20,7 @@ pub struct Surface<'a> {
     mesh: &'a Mesh,
     topology: Topology,
     positions: Vec<DVec3>,
-    /// Of each vertex, a third of its triangles' area vectors.
+    /// For each vertex, a third of its triangles' area vectors.
     areas: Vec<DVec3>,
 }
 
@@ -171,7 +171,7 @@ mod tests {
     fn a_lid_is_found_and_pushed_to_the_other_side() -> Result<()> {
         let (block, is_in) = block()?;
         let surface = Surface::new(&block)?;
-        // What looks right in the middle of a lid belongs to it.
+        // The middle of a lid, which looks right, belongs to it.
         let middle = |p: &[f32; 3]| p[0].abs() < 0.1 && p[2].abs() < 0.1;
         let looks_wrong = is_in.iter().zip(block.positions()).map(|(&is_in, p)| is_in && !middle(p));
         let errors: Vec<f64> = looks_wrong.map(|wrong| if wrong { 1.0 } else { 0.1 }).collect();

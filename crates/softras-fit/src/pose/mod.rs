@@ -271,8 +271,8 @@ impl PoseFit {
     }
 }
 
-/// A value for each of `count` poses. `make` makes those of a range of at most `at_once` poses; if the device cannot hold so many,
-/// `at_once` is lowered to what it holds.
+/// A value for each of `count` poses. `make` makes those of a range of at most `at_once` poses; if the device cannot hold that many,
+/// `at_once` is lowered to the number that it holds.
 fn of_each<T>(count: usize, at_once: &mut usize, make: impl FnMut(Range<usize>) -> Result<Vec<T>>) -> Result<Vec<T>> {
     let mut all = Vec::with_capacity(count);
     softras::parts::in_parts(count, at_once, make, |_, part| {

@@ -31,7 +31,7 @@ impl Picture {
         self.color.height
     }
 
-    /// The same picture with no side longer than `most` pixels.
+    /// The picture scaled down so that no side is longer than `most` pixels.
     pub fn at_most(&self, most: usize) -> Self {
         let longer = self.width().max(self.height());
         if longer <= most {

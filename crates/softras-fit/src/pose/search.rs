@@ -24,7 +24,7 @@ const REFINING: usize = 2;
 const LAST: usize = ROUNDS.len() - 1;
 /// The second round takes the best half of the fits: their number divided by this.
 const PRUNED: usize = 2;
-/// The last round takes at most so many fits.
+/// The most fits that the last round takes.
 const FINALISTS: usize = 4;
 /// How images of the grid are compared: σ, γ, the blur as a fraction of the height, the weight of the silhouette.
 const GRID_LOOK: (f64, f64, f64, f64) = (1e-3, 3e-2, 0.04, 0.3);
@@ -32,9 +32,9 @@ const GRID_LOOK: (f64, f64, f64, f64) = (1e-3, 3e-2, 0.04, 0.3);
 const SHARP: (f64, f64) = (1e-5, 1e-3);
 /// Degrees within which two starts lead to the same pose, and within which two fitted poses are the same.
 const APART: [f64; 2] = [20.0, 5.0];
-/// Fits whose loss is so many times the least are not refined.
+/// Fits whose loss is more than this multiple of the least are not refined.
 const HOPELESS: f64 = 4.0;
-/// Poses whose loss is at most so many times the least are as good as the best.
+/// Poses whose loss is at most this multiple of the least are as good as the best.
 const AS_GOOD: f64 = 1.5;
 /// The step of a translation as a share of the mesh's radius, for a step of one radian.
 const TRANSLATION_RATE: f64 = 0.15;
@@ -84,8 +84,8 @@ struct Fits {
 
 impl PoseSearch {
     /// A search for the poses of a mesh seen by a camera. `color` is the picture on black, `[1, height, width, 3]`, `silhouette` its
-    /// coverage, `[1, height, width, 1]`; `center` is the point that rotations turn about, in world units. Of the settings only near,
-    /// far and tau are used. Colours are compared without light.
+    /// coverage, `[1, height, width, 1]`; `center` is the point that rotations turn about, in world units. Only near, far and tau of
+    /// the settings are used. Colours are compared without light.
     ///
     /// # Errors
     /// [`softras::Error::Fit`] for images of other shapes and for a mesh without triangles.
@@ -293,7 +293,7 @@ impl PoseSearch {
     }
 
     /// The stage of a round of fits. σ is small in all of them, since a soft outline is wider than the picture's and the best pose
-    /// for it is far away: at σ = 2e-3 the first round left starts 10 degrees off at 40 and more. What reaches far is the blur, of
+    /// for it is far away: at σ = 2e-3 the first round left starts 10 degrees off at 40 and more. The blur reaches far instead, on
     /// both images alike. The rounds that refine take small steps with little blur, so as not to leave their poses.
     fn fits(&self, poses: Vec<Pose>, steps: usize, round: usize) -> Result<Stage> {
         let by = |from, to| Schedule::Exponential { from, to };
@@ -369,7 +369,7 @@ impl PoseSearch {
     }
 }
 
-/// The poses in order of their losses without those within so many degrees of a better one.
+/// The poses in order of their losses, without those within `degrees` of a better one.
 fn distinct(mut poses: Vec<Scored>, degrees: f64) -> Vec<Scored> {
     poses.sort_by(|a, b| a.1.total_cmp(&b.1));
     let mut kept: Vec<Scored> = Vec::new();

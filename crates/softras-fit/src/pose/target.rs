@@ -47,7 +47,7 @@ impl PoseTarget {
         Ok(Self { color, silhouette, metrics })
     }
 
-    /// The same images with unweighted colour differences: μ = 0, M = 1.
+    /// These images with unweighted colour differences: μ = 0, M = 1.
     pub fn plain(self) -> Self {
         let metrics = vec![Metric { mean: DVec3::ZERO, inverse: DMat3::IDENTITY }; self.metrics.len()];
         Self { metrics, ..self }
@@ -58,7 +58,7 @@ impl PoseTarget {
         self.color.height
     }
 
-    /// Refuses a target that is not one for each of so many poses.
+    /// Refuses a target that does not have one image for each of `poses` poses.
     pub(super) fn validate(&self, poses: usize) -> Result<()> {
         match self.metrics.len() {
             count if count == poses => Ok(()),
@@ -76,8 +76,8 @@ impl PoseTarget {
     }
 
     /// Each view's loss, and the gradient of their sum by the frame's images. `blur` is the standard deviation in
-    /// pixels of the target, `weights` are w₀ and w₁. Of a frame n times as wide and high as the target each n×n pixels are
-    /// compared by their mean.
+    /// pixels of the target, `weights` are w₀ and w₁. If the frame is n times as wide and high as the target, the mean of each n×n
+    /// pixels is compared.
     ///
     /// # Errors
     /// [`softras::Error::Settings`] for a frame without colour or silhouette, [`softras::Error::Fit`] for one whose size is no

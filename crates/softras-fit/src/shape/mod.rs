@@ -146,7 +146,7 @@ impl ShapeFit {
         self.finish_step(all, rate, color_rate)
     }
 
-    /// The same step, and the gradient by the camera of each view.
+    /// Takes a step as [`ShapeFit::step`] does, and returns the gradient by the camera of each view.
     pub(crate) fn step_with_cameras(
         &mut self,
         renderer: &mut Renderer,
@@ -226,7 +226,7 @@ impl ShapeFit {
         Ok(Descent { losses, by_positions, by_colors, by_cameras: gradients.cameras })
     }
 
-    /// What [`Renderer::backward`] has to differentiate by.
+    /// The inputs by which [`Renderer::backward`] has to differentiate.
     fn wanted(&self) -> GradientRequest {
         let wanted = GradientRequest { positions: self.options.fit_positions, ..GradientRequest::NOTHING };
         if self.options.fit_colors { colors::wanted(self.mesh().appearance(), wanted) } else { wanted }
@@ -338,7 +338,7 @@ impl ShapeFit {
         Ok(())
     }
 
-    /// The same fit on the mesh with every triangle divided into four, with a new optimiser.
+    /// This fit on the mesh with every triangle divided into four, with a new optimiser.
     ///
     /// # Errors
     /// Those of [`Subdivision::of`].
@@ -346,7 +346,7 @@ impl ShapeFit {
         self.on(subdivision.with(self.mesh(), &self.topology)?)
     }
 
-    /// The same fit on the mesh remeshed to edges as long as a range of world units says, with a new optimiser; see
+    /// This fit on the mesh remeshed to edges whose lengths lie in a range of world units, with a new optimiser; see
     /// [`remeshed`].
     ///
     /// # Errors

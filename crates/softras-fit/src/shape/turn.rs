@@ -59,7 +59,7 @@ mod tests {
 
     #[test]
     fn the_views_of_a_step_are_spread() {
-        // Of 24 cameras around an object, neighbours among the eight of a step are at most seven apart.
+        // With 24 cameras around an object, neighbours among the eight of a step are at most seven apart.
         for step in 0..24 {
             let mut views = views_of_step(step, 8, 24);
             views.sort_unstable();

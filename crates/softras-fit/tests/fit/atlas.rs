@@ -252,7 +252,7 @@ fn settings(sigma: f64, samples: u32) -> Settings {
     }
 }
 
-/// What all views show of a mesh, each pixel the mean of nine.
+/// A mesh as all views show it, each pixel the mean of nine.
 fn shown(renderer: &mut Renderer, mesh: &Mesh, lights: &Lights) -> Image {
     let scene = Scene::new(mesh.clone()).with_lights(lights.clone());
     let frame = renderer.render(&scene, &cameras(), &settings(1e-7, 3)).unwrap();

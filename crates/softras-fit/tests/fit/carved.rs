@@ -65,7 +65,7 @@ fn a_covered_hole_opens_and_all_else_stays() {
         let (wrong, _) = differs(&ball, &targets, f64::from(radius));
         assert!(wrong > 500, "the ball itself would not be told from it: {wrong}");
     }
-    // What lies within its silhouettes keeps its surface but for the samples.
+    // A mesh that lies within its silhouettes keeps its surface but for the samples.
     let (small, within) = (moved(&shapes::icosphere(4).unwrap(), 0.6, [0.0; 3]), shapes::icosphere(3).unwrap());
     let kept = carved(&silhouettes(&mut renderer, &within), &small, None);
     let off = kept.positions().iter().map(|p| (DVec3::from(p.map(f64::from)).length() - 0.6).abs());
@@ -110,7 +110,7 @@ fn parts_that_overlap_become_one_in_their_colours() {
     let two = both(&moved(&ball, 0.6, [-0.3, 0.0, 0.0]), &moved(&ball, 0.6, [0.3, 0.0, 0.0]));
     let colors = two.positions().iter().map(|p| if p[0] < 0.0 { [1.0, 0.0, 0.0] } else { [0.0, 0.0, 1.0] }).collect();
     let two = two.with_appearance(Appearance::VertexColors(colors)).unwrap();
-    // Of two balls of radius r whose centres are r apart, 5/27 of the union lie in both.
+    // Two balls of radius r whose centres are r apart have 5/27 of their union in common.
     let twice = overlap(&two, 96).unwrap();
     assert!((twice - 5.0 / 27.0).abs() < 0.01, "{twice}");
     let targets = silhouettes(&mut renderer(), &two);

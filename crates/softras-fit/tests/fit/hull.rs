@@ -32,7 +32,7 @@ fn a_hull_has_the_objects_holes_and_parts() {
         // Its triangles all face outwards, as those of the mesh do.
         let share = volume(&hull) / volume(mesh);
         assert!(is_closed(&hull).unwrap() && (0.9..1.2).contains(&share), "{name}: {share} of its volume");
-        // What is in the object is in the hull, but for a layer of a quarter of a sample, which the blur takes.
+        // The object lies in its hull, but for a layer of a quarter of a sample, which the blur takes.
         let (low, side) = cube_around(&[&hull, mesh]);
         let [inner, outer] = [mesh, &hull].map(|mesh| Voxels::new(mesh, low, side, 64).unwrap());
         let pairs = || inner.inside().iter().zip(outer.inside()).filter(|(object, _)| **object);

@@ -1,4 +1,4 @@
-//! What is true of every loss between images.
+//! Properties of every loss between images.
 
 use proptest::prelude::*;
 use softras::Image;

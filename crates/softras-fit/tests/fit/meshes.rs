@@ -54,7 +54,7 @@ pub fn without(mesh: &Mesh, gone: impl Fn(usize) -> bool) -> Mesh {
     Mesh::new(mesh.positions().to_vec(), kept.collect()).unwrap()
 }
 
-/// A flat square of so many cells a side, two triangles each, with corners at whole numbers, moved by `place`.
+/// A flat square of `cells` cells a side, two triangles each, with corners at whole numbers, moved by `place`.
 pub fn grid(cells: u32, place: impl Fn(f32, f32) -> [f32; 3]) -> Mesh {
     let side = cells + 1;
     let positions = (0..side * side).map(|i| place((i % side) as f32, (i / side) as f32)).collect();
@@ -87,7 +87,7 @@ pub fn euler(mesh: &Mesh) -> i64 {
     mesh.positions().len() as i64 - topology(mesh).edges().len() as i64 + mesh.triangles().len() as i64
 }
 
-/// What a closed mesh holds, below 0 where it is inside out.
+/// The volume of a closed mesh, below 0 where it is inside out.
 pub fn volume(mesh: &Mesh) -> f64 {
     let six = |t: &[u32; 3]| point(mesh, t[0]).dot(point(mesh, t[1]).cross(point(mesh, t[2])));
     mesh.triangles().iter().map(six).sum::<f64>() / 6.0

@@ -34,7 +34,7 @@ fn targets(fit: &PoseFit, renderer: &mut Renderer, poses: &[Pose]) -> PoseTarget
     pooled_targets(fit, renderer, poses, 1)
 }
 
-/// The same in pictures of which a pixel is the mean of so many rendered ones along each side.
+/// The cube as it looks in some poses, in pictures whose pixels are means of `samples` by `samples` rendered ones.
 fn pooled_targets(fit: &PoseFit, renderer: &mut Renderer, poses: &[Pose], samples: usize) -> PoseTarget {
     let frame = renderer.render(&Scene::new(shapes::cube().unwrap()), &cameras(fit, poses), &settings()).unwrap();
     let [color, silhouette] = [frame.color(), frame.silhouette()].map(|image| pooled(image.unwrap(), samples).unwrap());

@@ -133,7 +133,7 @@ fn no_detail_is_lost() {
     let bumpy = bumpy();
     let length = 0.06;
     let even = remeshed(&bumpy, length..=length).unwrap();
-    // Of all points one in five: each is compared with every triangle.
+    // One point in five is tested: each is compared with every triangle.
     let off = farthest(points(&even).into_iter().step_by(5), &bumpy);
     assert!(off < 1e-6, "a vertex is {off} off the surface");
     let Appearance::VertexColors(colors) = even.appearance() else { panic!("the colours went") };

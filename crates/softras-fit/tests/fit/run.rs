@@ -14,7 +14,7 @@ fn goal() -> (common::Loan, Views, Settings) {
     goal_of(shapes::cube().unwrap(), 4)
 }
 
-/// The same of a mesh from a number of sides.
+/// A renderer, the silhouettes of a mesh from a number of sides, and settings for fits to them.
 fn goal_of(mesh: Mesh, sides: u32) -> (common::Loan, Views, Settings) {
     let mut renderer = common::renderer();
     let scene = Scene::new(mesh);
@@ -50,7 +50,7 @@ fn both_presets_fit_the_crates_own_sphere() {
         let least = losses.iter().copied().fold(f64::INFINITY, f64::min);
         assert!(losses[step] == least && mesh.positions().len() == 642, "{step} {losses:?}");
     }
-    // What is larger than the box by more than rounding has other units.
+    // A mesh that is larger than the box by more than rounding has other units.
     let large = moved(&shapes::icosphere(1).unwrap(), 3.0, [0.0; 3]);
     let error = ShapeFit::new(large, Lights::unlit(), ShapeOptions::official()).unwrap_err();
     assert!(error.to_string().contains("ShapeOptions::smooth()"), "{error}");
@@ -77,7 +77,7 @@ fn a_loss_of_ones_own_moves_what_the_fit_moves() {
     let value = own.step_by(&mut renderer, &seen, &targets.cameras, by_iou, (0.02, 0.01)).unwrap();
     assert_eq!(value, step.silhouette);
     assert!(own.mesh() == fit.mesh() && own.state() == fit.state() && own.mesh().positions() != ball.positions());
-    // What is not fitted stays, whatever the loss is.
+    // Values that are not fitted stay, whatever the loss is.
     let mut still = shape(&ShapeOptions { fit_positions: false, ..options });
     let by_color = |frame: &Frame| {
         let color = frame.color()?;
@@ -119,7 +119,7 @@ fn views_are_fitted_in_parts_where_memory_is_short() {
 /// taken, and the best mesh is the one of the least mean over a turn of the views.
 #[test]
 fn steps_of_some_of_the_views_take_them_in_turn() {
-    // Of a bar each side has another loss.
+    // Each side of a bar has another loss.
     let bar = mapped(&cube(), |[x, y, z]| [1.8 * x, 0.7 * y, 0.6 * z + 0.2 * x]);
     let (mut renderer, targets, settings) = goal_of(bar, 6);
     let options = ShapeOptions { regularizers: vec![], views_per_step: 2, ..ShapeOptions::smooth() };

@@ -20,7 +20,7 @@ fn settings() -> Settings {
     Settings { width: SIDE, height: SIDE, sigma, gamma: 3e-2, near: 2.0, far: 6.0, background, ..Settings::default() }
 }
 
-/// What some views show of a mesh, each pixel the mean of so many rendered ones along each side.
+/// A mesh as some views show it, each pixel the mean of `samples` by `samples` rendered ones.
 fn targets(renderer: &mut Renderer, mesh: &Mesh, cameras: Vec<Camera>, samples: u32) -> Views {
     let side = SIDE * samples;
     let sharp = Settings { width: side, height: side, sigma: 1e-7, gamma: 1e-4, outputs: ALL, ..settings() };

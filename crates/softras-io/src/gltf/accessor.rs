@@ -146,7 +146,7 @@ impl Document<'_> {
         Kind::of(accessor.component_type.0).map(|kind| (accessor, kind)).ok_or_else(wrong)
     }
 
-    /// Reads each element, which must have at least so many components, from its bytes.
+    /// Reads each element from its bytes. Elements must have at least `needed` components.
     fn elements<T: Clone>(
         &mut self,
         source: &mut Source,
@@ -187,7 +187,7 @@ impl Document<'_> {
         Ok(values)
     }
 
-    /// Reads elements of so many bytes from a place in a view: its number and an offset.
+    /// Reads `count` elements of `element` bytes from a place in a view: its number and an offset.
     fn strided<T>(
         &mut self,
         source: &mut Source,

@@ -80,7 +80,7 @@ impl Map {
     }
 }
 
-/// What a material makes of alpha.
+/// The way in which a material uses alpha.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 pub(super) enum Cut {
     /// It is ignored.
@@ -162,7 +162,7 @@ pub(super) fn look(source: &mut Source, root: &json::Root, index: Option<usize>)
 /// A piece's texture, by its number, and the place of its UVs there.
 pub(super) type Image = Option<(u32, Canvas)>;
 
-/// What makes two textures the same: their numbers, and the bits of alpha and of the colours that they are multiplied with.
+/// The key by which equal textures are found: their numbers, and the bits of alpha and of the colours that they are multiplied with.
 #[derive(PartialEq, Eq, Hash)]
 struct Key([usize; 3], Cut, Vec<u32>);
 

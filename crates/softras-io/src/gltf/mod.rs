@@ -46,7 +46,7 @@ const TRIANGLES: usize = 4;
 const STRIP: usize = 5;
 const FAN: usize = 6;
 
-/// What is wrong with a part of the file, and what to do.
+/// A fault in a part of the file, and its remedy.
 type Wrong = crate::Wrong<Cow<'static, str>>;
 
 const AGAIN: &str = "copy or download the file again, with those that it names";
@@ -58,7 +58,7 @@ fn lacks(what: &str, index: usize, count: usize) -> Wrong {
     (format!("{what} {index} but there are {count}"), fix.into())
 }
 
-/// What is wrong with a file that this one names.
+/// The fault and the remedy that an error tells of a file that this one names.
 fn of_error(error: softras::Error) -> Wrong {
     match error {
         softras::Error::File { path, what, fix, .. } => (format!("{}: {what}", path.display()), fix.into()),

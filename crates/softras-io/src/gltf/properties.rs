@@ -1,4 +1,4 @@
-//! What becomes of each property of glTF 2.0 and of its extensions. A property that is not listed is noted, so that none is
+//! The fate of each property of glTF 2.0 and of its extensions. A property that is not listed is noted, so that none is
 //! lost without a word.
 
 use super::document::UNPACK;
@@ -10,8 +10,8 @@ use crate::{
 use serde_json::Value;
 use std::collections::{BTreeMap, HashMap};
 
-/// The properties by their paths: names joined by dots, lists without their numbers. What lies below one that is not `Drawn` has
-/// the same fate. Extensions stand below `extensions` wherever they are used.
+/// The properties by their paths: names joined by dots, lists without their numbers. All that lies below one that is not `Drawn`
+/// has its fate. Extensions stand below `extensions` wherever they are used.
 pub const PROPERTIES: &Fates = &[
     (
         "asset cameras animations extensionsUsed bufferViews.target accessors.min accessors.max nodes.camera \

@@ -20,7 +20,7 @@ const MIPMAPS: u32 = 9987;
 /// A vertex of the file: those of the mesh and of its UVs, and the bits of its normal and of its colour with alpha.
 type Corner = (u32, u32, [u32; 3], [u32; 4]);
 
-/// What the triangles of a primitive share: their texture, and whether they blend, have normals, are seen from their front alone.
+/// The traits that the triangles of a primitive share: their texture, and whether they blend, have normals, show only their front.
 type Kind = (Option<usize>, bool, bool, bool);
 
 /// The content of a .glb file. Colours and factors are linear in glTF, images are sRGB. A vertex is repeated for each of its UVs,

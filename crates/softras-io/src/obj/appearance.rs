@@ -36,7 +36,7 @@ pub(super) fn appearance(
     obj: &mut Obj,
     triangles: &mut Triangles,
 ) -> Result<(Appearance, Vec<f32>)> {
-    // What shows where a material has no colour.
+    // The look of a face whose material has no colour, in the words of the notes.
     let plain = if obj.colors.is_empty() { "white" } else { "in the vertices' colours" };
     let library = material::read_libraries(source, &obj.libraries, plain);
     let used = find_used(obj, &library, plain, &mut source.notes);
@@ -237,7 +237,7 @@ fn bits(color: [f32; 3]) -> [u32; 3] {
     color.map(|x| (x + 0.0).to_bits())
 }
 
-/// What makes two textures the same.
+/// The key by which equal textures are found.
 #[derive(PartialEq, Eq, Hash)]
 enum Key {
     /// The files of the colour and of the alpha, and the bits of the colour that stands in for the first.

@@ -20,7 +20,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-/// What becomes of each statement.
+/// The fate of each statement.
 pub const STATEMENTS: &Fates = &[
     ("newmtl Kd d Tr map_Kd map_d", Drawn),
     ("Ke", Approximated("emitted light is drawn as a colour that is shaded")),

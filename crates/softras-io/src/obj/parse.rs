@@ -1,4 +1,4 @@
-//! The parser of OBJ files: every statement is validated and read once. What is wrong is left out, and noted with its line.
+//! The parser of OBJ files: every statement is validated and read once. A wrong part is left out, and noted with its line.
 //!
 //! The crate tobj is not used because it cannot keep what [`load`](super::load) promises: it drops unused vertices and
 //! renumbers the others, and its errors have no line numbers. Worse, it reads some files wrongly without an error: it takes
@@ -22,7 +22,7 @@ use std::{collections::HashMap, path::Path, str::FromStr};
 pub const FARTHEST_UV: f32 = 1e4;
 pub const FAR_UVS: &str = "texture coordinates that are no numbers up to ±10000 are replaced by 0";
 
-/// What becomes of each statement; `fo` is an old word for `f`.
+/// The fate of each statement; `fo` is an old word for `f`.
 pub const STATEMENTS: &Fates = &[
     ("v vt vn f fo usemtl mtllib", Drawn),
     ("l", NotDrawn("lines (`l`) are not drawn")),
@@ -49,7 +49,7 @@ pub(super) struct Obj {
     pub faces: Vec<Face>,
     /// The corners of all faces, as indices into `positions`.
     pub corners: Vec<u32>,
-    /// The same as indices into `uvs`, 0 for faces without; empty when the file has no `vt`.
+    /// The corners as indices into `uvs`, 0 for faces without UVs; empty when the file has no `vt`.
     pub uv_corners: Vec<u32>,
     /// One per `vn`, in file order, of any length; 0 for one that is not finite.
     pub normals: Vec<[f32; 3]>,
@@ -57,7 +57,7 @@ pub(super) struct Obj {
     pub normal_corners: Vec<u32>,
     /// The names that `usemtl` gives, in order of first use, each with the line that first gives it.
     pub materials: Vec<(String, usize)>,
-    /// What each `mtllib` names, with its line.
+    /// The text of each `mtllib`, which names files, with its line.
     pub libraries: Vec<(String, usize)>,
 }
 
@@ -82,7 +82,7 @@ pub(super) struct Face {
 struct Totals {
     vertices: usize,
     colored: usize,
-    /// Of vertices of seven numbers, how many there are, how many have 1 as the fourth number, and how many have it as the last.
+    /// Counts of vertices of seven numbers: all of them, those with 1 as the fourth number, and those with 1 as the last.
     sevens: [usize; 3],
     uvs: usize,
     normals: usize,

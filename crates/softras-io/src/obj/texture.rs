@@ -10,13 +10,13 @@ use crate::{
 use softras::scene::Texture;
 use std::path::{Path, PathBuf};
 
-/// What becomes of a face whose image is missing.
+/// The words of a note that tell how a face is drawn whose image is missing.
 pub(super) const IN_KD: &str = "drawn without it, in the material's Kd or the vertices' colours";
 
 /// The file of the image that a material names; `None`, with a note, where there is none in the mesh's folder.
 pub(super) fn locate(source: &mut Source, map: &Map, without: &str) -> Option<PathBuf> {
     let locate = |name: &str| find(source.path, &map.mtl, name, source.options.allow_outside);
-    // What follows a `#` belongs to the name if there is such a file.
+    // A name may hold a `#`: the text after it is a comment only if there is no such file.
     let found = locate(&map.name).or_else(|what| match before_comment(&map.name) {
         name if name == map.name => Err(what),
         name => locate(name),
@@ -42,9 +42,8 @@ pub(super) fn read(source: &mut Source, map: &Map, path: &Path, room: Room) -> O
     decoded.texture(map.wrap).ok()
 }
 
-/// The same texture with the alpha that an image gives (`map_d`), in its own alpha channel if it has one, else in its grey or
-/// red values. A texture of one texel takes the size of the image; an image of another size than the texture is noted and not
-/// used.
+/// Gives a texture the alpha of an image (`map_d`): its alpha channel if it has one, else its grey or red values. A texture of one
+/// texel takes the size of the image; an image of another size than the texture is noted and not used.
 pub(super) fn faded(source: &mut Source, texture: Texture, map: &Map, path: &Path, room: Room) -> Option<Texture> {
     let Some(decoded) = decoded(source, map, path, false, room, "drawn opaque") else { return Some(texture) };
     let Decoded { width, height, texels, alpha } = decoded;

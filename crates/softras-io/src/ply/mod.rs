@@ -26,7 +26,7 @@ use softras::{
 };
 use std::mem;
 
-/// What becomes of elements, and of their properties, whose names are in upper or lower case. Other elements are noted, and other
+/// The fates of elements, and of their properties, whose names are in upper or lower case. Other elements are noted, and so are other
 /// properties whose names tell of colours or textures; the rest is data about the mesh.
 pub const PROPERTIES: &Fates = &[
     (
@@ -81,7 +81,7 @@ const FACE: [&[&str]; 7] = [
 /// The lists of faces among these.
 const LISTS: usize = 5;
 
-/// What the file holds.
+/// The content of the file.
 #[derive(Default)]
 struct Ply {
     positions: Vec<[f64; 3]>,
@@ -194,7 +194,7 @@ fn note_unread(source: &mut Source, element: &str, table: &Table) {
 }
 
 impl Ply {
-    /// What is done with a row of vertices.
+    /// The function that takes a row of vertices.
     fn take_vertex(
         &mut self,
         table: &Table,
@@ -223,7 +223,7 @@ impl Ply {
         })
     }
 
-    /// What is done with a row of faces.
+    /// The function that takes a row of faces.
     fn take_face(
         &mut self,
         table: &Table,

@@ -95,7 +95,7 @@ enum Order {
     Big,
 }
 
-/// What a header says.
+/// The content of a header.
 pub(super) struct Header {
     order: Order,
     pub elements: Vec<Element>,
@@ -250,7 +250,7 @@ impl<'a> Body<'a> {
     /// Reads all rows of an element.
     ///
     /// # Errors
-    /// What is wrong with the file, or what `take` refuses.
+    /// A fault in the file, or one that `take` finds.
     pub fn read(&mut self, table: &Table, take: &mut dyn FnMut(&Row) -> Result<(), Wrong>) -> Result<(), Wrong> {
         let Element { name, rows, properties } = table.element;
         // Text has at least a digit and a space for each.

@@ -44,7 +44,7 @@ impl Grid<'_> {
     }
 }
 
-/// What the numbers of an array are.
+/// The meaning of an array's numbers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Scale {
     /// sRGB, not multiplied by alpha: this number is 1.
@@ -56,7 +56,7 @@ enum Scale {
 }
 
 impl Scale {
-    /// What the numbers of an array are by their type, their range, and whether they are whole.
+    /// The meaning of an array's numbers, by their type, their range, and whether they are whole.
     fn of(path: &Path, grid: &Grid<'_>, is_float: bool) -> Result<Self> {
         let all = || grid.values.iter();
         let (least, most) = all().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x), b.max(x)));
@@ -80,7 +80,7 @@ impl Scale {
         refuse(path, format!("has numbers from {least:?} to {most:?}"), "use 0 to 1, or bytes from 0 to 255")
     }
 
-    /// A pixel of so many channels as bytes. One channel is the silhouette, and three are opaque.
+    /// A pixel of `channels` channels as bytes. One channel is the silhouette, and three are opaque.
     fn pixel(self, [a, b, c, d]: [f64; 4], channels: usize) -> Rgba<u8> {
         let byte = |x: f64| (255.0 * x.clamp(0.0, 1.0)).round() as u8;
         let one = if let Self::Encoded(one) = self { one } else { 1.0 };

@@ -14,8 +14,8 @@ const ROUGHEST: f64 = 9.0;
 /// How far the background reaches from its model, in medians of the differences, and beside edges of a format that changes pixels.
 const REACH: f64 = 4.0;
 const LOSSY: f64 = 32.0;
-/// What such a format leaves beside edges on black waves around black. A dark surface does not: all pixels of a square differ by more,
-/// and most of them are dark, as they are not at the blurred edge of a bright one.
+/// The height of the waves around black that such a format leaves beside edges. A dark surface differs: all pixels of a square exceed
+/// that, and most of them are dark, as they are not at the blurred edge of a bright one.
 const WAVES: u8 = 6;
 const SQUARE: usize = 5;
 const LEAST_DARK: usize = 18;
@@ -27,7 +27,7 @@ const SPECK: f64 = 2e-3;
 /// A plain background.
 #[derive(Clone, Debug)]
 pub struct Plain {
-    /// Of each channel, a polynomial by the place, which goes from -1 to 1 along both sides: 1, x, y, x², xy, y².
+    /// One polynomial for each channel, by the place, which goes from -1 to 1 along both sides: 1, x, y, x², xy, y².
     colors: [[f64; 6]; 3],
     /// The most that a channel of it differs from that.
     tolerance: f64,
@@ -62,7 +62,7 @@ impl Plain {
         if is_lossy {
             plain.tolerance = if middle < 1.0 { LOSSY } else { plain.tolerance.max(LOSSY / 2.0) };
         }
-        // What lies within shows how the background goes on there.
+        // The pixels inside the border show how the background goes on there.
         if plain.tolerance > 0.0 && middle > 0.0 {
             plain.fit(&inner(picture), plain.tolerance)?;
         }

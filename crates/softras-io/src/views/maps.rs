@@ -11,7 +11,7 @@ use exr::prelude::{AnyChannel, FlatSamples, MetaData, ReadChannels, ReadLayers, 
 use softras::{Image, Result};
 use std::path::{Path, PathBuf};
 
-/// What a map holds.
+/// The quantity that a map holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Map {
     /// View depths.

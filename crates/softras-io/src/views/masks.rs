@@ -1,4 +1,4 @@
-//! What mask files say, whose values are written in many ways.
+//! The silhouettes of mask files, whose values are written in many ways.
 
 use crate::{PictureFile, refuse};
 use image::{DynamicImage, GrayImage, RgbaImage};

@@ -123,7 +123,7 @@ impl Views {
         Ok((views, files, notes))
     }
 
-    /// The files that [`Views::save`] writes into a folder for so many views with these maps.
+    /// The files that [`Views::save`] writes into a folder for `count` views with these maps.
     pub fn files(folder: &Path, count: usize, maps: &[Map]) -> Vec<PathBuf> {
         let mut files = camera_files::names(folder, count);
         files.extend(maps::names(folder, maps, &files));

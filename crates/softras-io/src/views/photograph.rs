@@ -91,7 +91,7 @@ impl Photograph {
         self.levels = levels;
     }
 
-    /// What the whole picture shows at a column and a row.
+    /// Linear colour over black, and alpha, of the whole picture at a column and a row.
     fn at(&self, column: usize, row: usize) -> [f32; 4] {
         let place = |x: usize, k: usize| Some((x.checked_sub(self.corner[k])? / self.step) as u32);
         let pixel = || self.pixels.get_pixel_checked(place(column, 0)?, place(row, 1)?);
@@ -108,8 +108,8 @@ impl Photograph {
         [0, 1].map(|k| (self.object.high[k] - self.object.low[k]) as f64)
     }
 
-    /// The height of a crop of so many columns for each row around the object. One that the border cuts lies within the picture: what is
-    /// beyond is not known.
+    /// The height of a crop around the object, `aspect` times as wide as high. Where the border cuts the object, the crop lies within the
+    /// picture: nothing is known of what is beyond.
     fn height(&self, aspect: f64) -> f64 {
         let [width, height] = self.sides();
         let most = if self.is_cut() { f64::from(self.whole.1).min(f64::from(self.whole.0) / aspect) } else { f64::MAX };
@@ -125,7 +125,7 @@ impl Photograph {
         })
     }
 
-    /// A crop of so many columns and rows: means over areas, with nothing beyond the border.
+    /// A crop of `size` columns and rows: means over areas, with nothing beyond the border.
     fn crop(&self, corner: [f64; 2], sides: [f64; 2], size: [usize; 2], mut push: impl FnMut([f64; 4])) {
         let kept = [self.pixels.width() as usize, self.pixels.height() as usize];
         // The kept pixels that each column and each row of the crop covers, with their shares.
@@ -166,7 +166,7 @@ pub struct Album {
 }
 
 impl Album {
-    /// Adds a picture, whose alpha is the silhouette, and keeps at most so many pixels along a side of its object, or all.
+    /// Adds a picture, whose alpha is the silhouette, and keeps at most `most` pixels along a side of its object, or all.
     pub fn add(&mut self, picture: RgbaImage, camera: Camera, name: Option<String>, most: Option<usize>) {
         // Without perspective there is no lens to keep, and such a picture is not cropped.
         let lens = camera.intrinsics(picture.dimensions()).unwrap_or_default();

@@ -11,9 +11,9 @@ use std::{fs, panic};
 
 /// More than any of the corpus' small files may take, whatever it claims to be.
 const MOST: usize = 8 << 20;
-/// Reading an array takes at most so many bytes for each byte of its file, besides [`SLACK`].
+/// Reading an array takes at most this many bytes for each byte of its file, besides [`SLACK`].
 const MULTIPLE: usize = 4;
-/// What it takes besides: a header, an error message.
+/// Memory for other things: a header, an error message.
 const SLACK: usize = 512 << 10;
 
 #[test]

@@ -181,7 +181,7 @@ impl Set {
             "npz" => {
                 let k = DMat4::from_mat3(DMat3::from_cols_array_2d(&k).transpose());
                 let add = |npz: Npz, (i, (_, view)): (usize, &(String, &Pose))| {
-                    // Of any scale and sign.
+                    // A projection matrix may have any scale and sign.
                     let p = -2.5 * (k * pose(view)).transpose();
                     let values = p.to_cols_array().map(|x| self.digits(x));
                     let values32 = values.map(|x| x as f32);

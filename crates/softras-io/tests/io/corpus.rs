@@ -17,7 +17,7 @@ const MOST: usize = 8 << 20;
 
 const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl m\nf 1/1 2/1 3/1\n";
 
-/// What a file's name promises: refused or not, and on which line.
+/// The outcome that a file's name promises: refused or not, and on which line.
 fn promised(path: &Path, strict: bool) -> Option<Option<usize>> {
     let name = path.file_stem().unwrap().to_str().unwrap();
     let rest = name.strip_prefix("refused_").or(name.strip_prefix("strict_").filter(|_| strict))?;
@@ -25,7 +25,7 @@ fn promised(path: &Path, strict: bool) -> Option<Option<usize>> {
     Some(line.map(|digits| digits.parse().unwrap()))
 }
 
-/// What came of a file: its error's path and line.
+/// The outcome of reading a file: its error's path and line.
 type Outcome = Result<(), (PathBuf, Option<usize>)>;
 
 fn outcome<T>(result: softras::Result<T>) -> Outcome {
@@ -48,7 +48,7 @@ fn check(kind: &str, named: &str, read: impl Fn(&Path, &LoadOptions) -> Outcome)
             fs::create_dir(&folder).unwrap();
             let copy = folder.join(file.file_name().unwrap());
             fs::copy(&file, &copy).unwrap();
-            // What must not be read from a file within the folder.
+            // A file outside the folder, which must not be read.
             fs::write(parent.path().join("outside.mtl"), "newmtl m\n").unwrap();
             let (outcome, peak) = peak_of(|| read(&copy, &LoadOptions { strict, ..RAW }));
             assert!(peak < MOST, "{shown} takes {peak} bytes");

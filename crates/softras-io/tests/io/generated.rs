@@ -1,5 +1,5 @@
-//! Files that are made at random, of every format and in many spellings, are read as what they were made of. What is read passes through
-//! the writers of all formats, and comes back equal or with a note.
+//! Files that are made at random, of every format and in many spellings, are read as what they were made of. The mesh then passes
+//! through the writers of all formats, and comes back equal or with a note.
 
 use crate::{load, mutate::cases};
 use base64::{Engine, engine::general_purpose};
@@ -18,7 +18,7 @@ struct Corner {
     normal: [f32; 3],
 }
 
-/// What a file is made of, and what should be read of it.
+/// A file, and the content that should be read of it.
 #[derive(Default)]
 struct Made {
     name: &'static str,
@@ -475,7 +475,7 @@ fn gltf(random: &mut Random) -> Made {
     if has_normals {
         attributes["NORMAL"] = file.add(FLOAT, 3, flat(&sheet.normals).into_iter()).into();
     }
-    // The type of colours, and the number for 1. What is whole is a share of it, also where the file does not say so.
+    // The type of colours, and the number for 1. Whole numbers are divided by it, also where the file does not say so.
     let (kind, most) = random.choose(&[
         (FLOAT, 1.0),
         ((5121, 1, true), 255.0),
@@ -611,7 +611,7 @@ fn generated_files_are_read_as_what_they_were_made_of() {
     }
 }
 
-/// What a file says, in any order of its triangles: corners with normals of length 1, and opacity.
+/// The content of a file, whatever the order of its triangles: corners with normals of length 1, and opacity.
 fn said(loaded: &Loaded) -> Vec<([Corner; 3], f32)> {
     let unit =
         |corner: Corner| Corner { normal: glam::Vec3::from(corner.normal).normalize_or_zero().to_array(), ..corner };
@@ -627,7 +627,7 @@ fn spots(loaded: &Loaded) -> Vec<([f32; 3], [f32; 2])> {
     corners(loaded).as_flattened().iter().map(|corner| (corner.place, corner.uv)).collect()
 }
 
-/// What a reader of others finds in an OBJ file. It begins a model at each material.
+/// The corners that another reader, tobj, finds in an OBJ file. It begins a model at each material.
 fn read_by_tobj(path: &Path) -> Vec<([f32; 3], [f32; 2])> {
     let (models, _) = tobj::load_obj(path, &tobj::LoadOptions::default()).unwrap();
     let corner = |mesh: &tobj::Mesh, k: usize| {

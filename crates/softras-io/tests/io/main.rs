@@ -18,7 +18,7 @@ mod obj;
 mod save;
 mod views;
 
-/// What comes of work, and the most bytes of the heap that it had at a time.
+/// The outcome of work, and the most bytes of the heap that it had at a time.
 fn peak_of<T>(work: impl FnOnce() -> T) -> (T, usize) {
     let mut outcome = None;
     let info = allocation_counter::measure(|| outcome = Some(work()));

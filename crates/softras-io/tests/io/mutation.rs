@@ -12,10 +12,10 @@ use softras::{
 use softras_check::stress::Random;
 use std::{fs, panic, path::Path};
 
-/// Reading a mesh takes at most so many bytes for each byte of its files, besides [`SLACK`]: a triangle of a few
+/// Reading a mesh takes at most this many bytes for each byte of its files, besides [`SLACK`]: a triangle of a few
 /// characters is some thirty numbers in memory, most of them twice while they are put together.
 const MULTIPLE: usize = 40;
-/// What an image decoder sets aside whatever the image, and what other tests of this process allocate meanwhile.
+/// Memory that an image decoder sets aside whatever the image, and that other tests of this process allocate meanwhile.
 const SLACK: usize = 1 << 20;
 
 /// A colour that only the image outside the mesh's folder has.
@@ -55,7 +55,7 @@ fn validate(mesh: &Mesh) -> Result<(), String> {
 }
 
 /// Changes one of the files at a time, `likely` ones more often, and reads `mesh`, or else the file itself: a valid mesh or an
-/// error that names a file of the folder, in at most so many bytes for each byte of the files.
+/// error that names a file of the folder, in at most `multiple` bytes for each byte of the files, besides [`SLACK`].
 pub fn mutated(folder: &Path, files: &[(String, Vec<u8>)], likely: &[usize], mesh: Option<&str>, multiple: usize) {
     for (name, bytes) in files {
         fs::write(folder.join(name), bytes).unwrap();

@@ -72,7 +72,7 @@ pub fn read(path: &Path, key: &str) -> (Vec<usize>, Vec<f64>) {
     (array.shape.clone(), array.numbers().unwrap().iter().collect())
 }
 
-/// The same of a file with one array.
+/// The shape and the numbers of a file with one array.
 pub fn read_one(path: &Path) -> (Vec<usize>, Vec<f64>) {
     let array = npy::read(&std::fs::read(path).unwrap()[..], |_| Ok(())).unwrap();
     (array.shape.clone(), array.numbers().unwrap().iter().collect())

@@ -1,4 +1,4 @@
-//! What a format does not hold, and where a mesh is written. `generated` tests that what is written is read back.
+//! Meshes that a format cannot hold, and the places where one is written. `generated` tests that what is written is read back.
 
 use softras::{
     scene::{Appearance, Texture, Wrap},

@@ -58,7 +58,7 @@ class Look(NamedTuple):
 
 @dataclasses.dataclass
 class Scene:
-    """What a frame is made from besides the arrays."""
+    """The inputs of a frame besides the arrays."""
 
     inputs: List[Input]
     templates: List[Any]

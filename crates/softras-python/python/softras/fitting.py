@@ -139,7 +139,7 @@ def pose(
 
     `color` is [1, height, width, 3], `silhouette` [1, height, width], of the types that `deform` takes. It compares the image with 512 rotations,
     fits the `starts` most likely of them and refines the best, in `steps` steps together; or refines `start`, a rotation [3, 3]
-    and a translation [3], in small steps. `center` defaults to that of the mesh's box. Of `settings` only near, far and tau count.
+    and a translation [3], in small steps. `center` defaults to that of the mesh's box. Only near, far and tau of `settings` count.
     """
     # The arguments by name.
     plan = dict(locals())

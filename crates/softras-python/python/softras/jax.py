@@ -160,7 +160,7 @@ def render(
 
     All arguments are those of `softras.torch.render`, with arrays in place of tensors. `faces`, `uv_faces` and
     `texture_of_triangle` are constants, which a transformation cannot trace; cameras, settings and lights too, of which the
-    keywords `views`, `projections`, `sigma` and so on replace parts by arrays. What goes wrong on the device raises JAX's own
+    keywords `views`, `projections`, `sigma` and so on replace parts by arrays. A failure on the device raises JAX's own
     error with the library's text.
     """
     given = {"positions": vertices, "colors": colors, "surface": surface, "uvs": uvs, "textures": textures}

@@ -59,7 +59,7 @@ def _cotangents(vertices: torch.Tensor, faces: torch.Tensor):
         a, b = vertices[j] - vertices[i], vertices[k] - vertices[i]
         area, around = torch.linalg.cross(a, b).norm(dim=1), a.norm(dim=1) * b.norm(dim=1)
         least = torch.finfo(area.dtype)
-        # The same angle has the same cotangent at any scale.
+        # The bound is relative to the edges, so that an angle has one cotangent at any scale.
         area = torch.maximum(area, (least.eps * around + least.tiny).detach())
         edges.append(torch.stack([j, k], 1))
         weights.append(((a * b).sum(1) / area / 2).clamp(min=0))

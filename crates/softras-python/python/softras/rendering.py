@@ -104,7 +104,7 @@ def backward(frame: Frame, *, by: Union[str, Sequence[str], None] = None, mode: 
 
 
 class Fragments(NamedTuple):
-    """What each pixel's centre shows."""
+    """The triangle at each pixel's centre, and the point of it that is seen."""
 
     #: [views, height, width] int32: the triangle's number in its mesh, -1 where there is none.
     triangle: np.ndarray

@@ -70,7 +70,7 @@ class Settings:
         return math.sqrt(self.sigma * self.cutoff()) * self.height / 2.0
 
     def with_blur_pixels(self, pixels: float) -> Settings:
-        """Sets sigma such that a triangle reaches so many pixels beyond its edge."""
+        """Sets sigma such that a triangle reaches `pixels` pixels beyond its edge."""
         radius = pixels * 2.0 / self.height
         return dataclasses.replace(self, sigma=radius * radius / self.cutoff())
 

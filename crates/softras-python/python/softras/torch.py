@@ -173,7 +173,7 @@ def render(
 
 
 class Fragments(NamedTuple):
-    """What each pixel's centre shows; see `softras.Fragments`. Tensors without gradient, beside the vertices."""
+    """The triangle at each pixel's centre; see `softras.Fragments`. Tensors without gradient, beside the vertices."""
 
     triangle: torch.Tensor
     barycentrics: torch.Tensor

@@ -70,7 +70,7 @@ def view(
     `size` is a side or (width, height) in pixels; angles are in degrees; `background` is linear light from 0 to 1, and
     transparent without. Edges are sharp unless `sigma` or `gamma` asks for the soft model. Surfaces are lit on the side that is seen.
     `faces` is "both" or "front"; without it a glTF material that is not doubleSided is seen from its front alone, and everything else from
-    both sides. `turntable` makes so many frames of one turn. Raises what `load` and `Renderer.render` raise.
+    both sides. `turntable` is the number of frames of one turn. Raises what `load` and `Renderer.render` raise.
     """
     # The arguments by name.
     plan = dict(locals())
@@ -143,7 +143,7 @@ class Views:
     ) -> Fitted:
         """Finds the mesh that looks like the views, as `softras fit` does.
 
-        `color` fits a colour for each vertex, `texture` a texture of at most so many texels a side. The fit begins with `template`, or
+        `color` fits a colour for each vertex, `texture` a texture of at most that many texels a side. The fit begins with `template`, or
         with `begin`: a "hull", a "sphere", or "auto", a hull from eight views on. The default of an argument of None depends on the
         method and on the mesh that the fit begins with. `method` is "smooth", "quick" (a first look: 20 steps, with cameras, masks and
         topology as they are) or "official" (the demo's). Views that disagree with the others are left out, and holes that only one mask

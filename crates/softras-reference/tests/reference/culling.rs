@@ -1,4 +1,4 @@
-//! What is left out changes nothing, or what it is promised to.
+//! Tests that parts which are left out change nothing, or only what they are promised to.
 
 use super::*;
 use softras_check::random::Random;

@@ -45,7 +45,7 @@ fn a_hard_silhouette_ends_before_the_edge() {
     assert_eq!([0.01, 0.0, -0.01].map(silhouette), [1.0, 0.0, 0.0]);
 }
 
-/// What else is made changes no image: lights need normals whether or not there is an image of them.
+/// An image does not depend on the others that are made: lights need normals whether or not there is an image of them.
 #[test]
 fn images_do_not_depend_on_each_other() {
     for shading in [Shading::Flat, Shading::Smooth] {

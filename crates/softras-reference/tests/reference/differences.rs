@@ -17,7 +17,7 @@ use softras_reference::render_at;
 use softras_reference::{GradientMode, Parameters, ReferenceFrame, Upstream, gradient};
 
 const STEP: f64 = 1e-6;
-/// Of the largest derivative in the vector; differences in f64 with this step are good to about 1e-8 of it, and to 1e-6 by the
+/// A fraction of the largest derivative in the vector; differences in f64 with this step are good to about 1e-8 of it, and to 1e-6 by the
 /// barycentrics of the slivers that the near plane leaves.
 const TOLERANCE: f64 = 3e-6;
 /// The loss is a sum of some thousand terms around 1: its rounding, 1e-14, over two steps.

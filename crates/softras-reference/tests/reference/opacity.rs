@@ -52,7 +52,7 @@ fn probabilities_are_multiplied() {
     assert_close("hard distance", &on_screen(&scene, &certain).silhouette, &[1.0 - 0.75 * 0.5]);
 }
 
-/// What is transparent hides nothing, however near and however small γ.
+/// A triangle of alpha 0 hides nothing, however near it is and however small γ.
 #[test]
 fn nothing_is_seen_of_an_alpha_of_0() {
     let scene = layers(&[(2.0, RED, 0.0), (50.0, BLUE, 1.0)]);

@@ -14,7 +14,7 @@ fn the_near_plane_cuts() {
     let floor = [[-3.0, -0.5, -3.0], [3.0, -0.5, -3.0], [0.0, -0.5, 5.0]];
     let colors = [[1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]];
     let cut = render(&colored(&floor, &colors), &[pinhole_at_origin()], &settings, Truncation::Tau).unwrap();
-    // The same made by hand: at z = 1, halfway from corner 0 or 1 to corner 2.
+    // The cut floor made by hand: at z = 1, halfway from corner 0 or 1 to corner 2.
     let by_hand = [[0.0, -0.1, 5.0], [-1.5, -0.5, 1.0], [1.5, -0.5, 1.0]];
     let screen_colors = [[0.0, 0.0, 1.0], [0.5, 0.0, 0.5], [0.5, 0.0, 0.5]];
     let expected = on_screen(&colored(&by_hand, &screen_colors), &settings);

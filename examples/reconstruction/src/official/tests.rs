@@ -50,7 +50,7 @@ fn state() -> State {
     State { weights, faces }
 }
 
-/// What the official decoder makes of the state's one code: its formulas with single numbers.
+/// The vertices that the official decoder computes from the state's one code: its formulas with single numbers.
 fn official_vertices(state: &State) -> Vec<[f64; 3]> {
     let values = |name: &str| state.weights[name].1.iter().map(|x| f64::from(*x)).collect::<Vec<f64>>();
     let code: Vec<f64> = values("decoder.fc2.bias").iter().map(|x| x.max(0.0)).collect();

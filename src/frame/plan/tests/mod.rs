@@ -1,5 +1,5 @@
-//! What a plan says before there is a device: the memory of a frame and of a backward pass by the documented formulas, where
-//! plans end, and the numbers that the kernels get.
+//! Plans before there is a device: the memory of a frame and of a backward pass by the documented formulas, where plans
+//! end, and the numbers that the kernels get.
 
 #![allow(clippy::unwrap_used)]
 
@@ -186,7 +186,7 @@ fn a_backward_pass_takes_the_memory_of_the_formula() {
     }
 }
 
-/// Whether there is a plan for so many views of one size, in an image of one size.
+/// Whether there is a plan for these views in an image of `size` × `size` pixels.
 fn fits(views: &[ViewSize], size: u32) -> bool {
     let settings = Settings { width: size, height: size, ..Settings::default() };
     ForwardPlan::new(&input(&settings, views, &Lights::unlit())).is_ok()

@@ -1,4 +1,4 @@
-//! What holds of every plan, whatever the numbers: proptest shrinks what does not.
+//! Properties of every plan, whatever the numbers: proptest shrinks the case that breaks one.
 
 use super::input;
 use crate::constants as c;

@@ -69,7 +69,7 @@ pub struct FrameArgs {
     /// Least influence of a triangle on a pixel
     #[arg(long, value_parser = parse::positive, default_value_t = 1e-4)]
     pub tau: f64,
-    /// What tau bounds: probability or guaranteed
+    /// Meaning of tau: probability or guaranteed
     #[arg(long, value_enum, value_name = "MODE", default_value = "probability", hide_possible_values = true)]
     pub support: Support,
     /// composite, or weighted as in the paper

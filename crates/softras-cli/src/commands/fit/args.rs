@@ -65,7 +65,7 @@ pub struct FitArgs {
     pub device: Option<String>,
 }
 
-/// What is read or rendered to fit to.
+/// The targets to fit to, and how they are read or rendered.
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Targets")]
 pub struct TargetArgs {
@@ -112,7 +112,7 @@ pub struct TargetArgs {
     /// Do not correct colours where exposures differ
     #[arg(long)]
     pub keep_exposure: bool,
-    /// Crop larger pictures to the object, to at most so many pixels a side; 0: never crop
+    /// Crop larger pictures to the object, to at most PIXELS a side; 0: never crop
     #[arg(long, value_name = "PIXELS", default_value_t = 192)]
     pub crop: u32,
     /// Keep views that contradict the others, and holes that one mask shows
@@ -294,7 +294,7 @@ pub struct MethodArgs {
     /// Number of steps [default: 500, 150 from a hull, and 20 of a quick fit]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     pub iterations: Option<u32>,
-    /// Begin with a sphere of so many subdivisions [default: 3, or 4 from six views on]
+    /// Begin with a sphere of N subdivisions [default: 3, or 4 from six views on]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=7))]
     pub subdivisions: Option<u32>,
     /// Step length: one number, or FIRST..LAST: 0.02..0.002

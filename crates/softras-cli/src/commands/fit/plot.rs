@@ -48,7 +48,7 @@ fn plot(losses: &[(usize, f64)]) -> Picture {
     picture
 }
 
-/// Round values in a range, about so many, with their labels.
+/// Up to `about` + 1 round values in a range, with their labels.
 fn ticks(low: f64, high: f64, about: f64) -> Vec<(f64, String)> {
     let least = (high - low) / about;
     let power = 10f64.powf(least.log10().floor());

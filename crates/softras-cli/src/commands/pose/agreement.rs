@@ -3,7 +3,7 @@
 use super::{Target, View};
 use softras::{Image, Mesh, Renderer, Result};
 
-/// Samples along each side of a pixel, in pictures of up to so many pixels a side; larger ones have one.
+/// Samples along each side of a pixel. Pictures of more than [`MOST_SAMPLED`] pixels a side have one.
 const SAMPLES: u32 = 3;
 const MOST_SAMPLED: u32 = 1024;
 
@@ -54,7 +54,7 @@ impl Agreement {
         ))
     }
 
-    /// Of two pictures of one size, each its colour and its silhouette.
+    /// The agreement of two pictures of one size, each given by its colour and its silhouette.
     fn between(a: [&Image; 2], b: [&Image; 2]) -> Self {
         let (mut both, mut either, mut differing, mut bright) = (0.0, 0.0, 0.0, 0.0);
         for (i, (x, y)) in a[1].data.iter().zip(&b[1].data).enumerate() {

@@ -69,7 +69,7 @@ impl View {
         Ok(Self { camera: framed.camera()?, settings })
     }
 
-    /// A posed mesh: sharp, without light, every pixel the mean of so many samples along each side.
+    /// A posed mesh: sharp, without light, every pixel the mean of `samples` samples along each side.
     fn picture(&self, posed: &Mesh, samples: u32, renderer: &mut Renderer) -> Result<Target> {
         let settings = Settings {
             width: self.settings.width * samples,

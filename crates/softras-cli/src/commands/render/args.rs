@@ -45,7 +45,7 @@ pub struct RenderArgs {
     /// Print one JSON object: device, sizes, camera, settings, times, files
     #[arg(long)]
     pub json: bool,
-    // What follows a flattened group has its heading, unless it names another.
+    // Arguments after a flattened group get its heading, unless they name another.
     #[command(flatten)]
     pub look: LookArgs,
     /// Alpha of .png and .gif: solid inside of surfaces, or the model's
@@ -53,7 +53,7 @@ pub struct RenderArgs {
     pub alpha: Option<Alpha>,
     #[command(flatten)]
     pub camera: CameraArgs,
-    /// What fills the picture: box or sphere of the mesh
+    /// Fill the picture with the mesh's box or sphere
     #[arg(
         long,
         value_enum,
@@ -117,7 +117,7 @@ pub struct CameraArgs {
 }
 
 impl CameraArgs {
-    /// The same as options.
+    /// The arguments as options.
     pub fn options(&self) -> CameraOptions {
         let Self { eye, target, up, distance, elevation, azimuth, fov, orthographic, near, far } = *self;
         CameraOptions { eye, target, up, distance, elevation, azimuth, fov, orthographic, near, far }
@@ -179,7 +179,7 @@ pub struct LookArgs {
     /// Least influence of a triangle on a pixel
     #[arg(long, value_parser = parse::positive, default_value_t = 1e-4)]
     pub tau: f64,
-    /// What tau bounds: probability or guaranteed
+    /// Meaning of tau: probability or guaranteed
     #[arg(long, value_enum, value_name = "MODE", default_value = "probability", hide_possible_values = true)]
     pub support: Support,
     /// composite, or weighted as in the paper
@@ -196,7 +196,7 @@ impl LookArgs {
         if self.raw { Curve::Raw } else { Curve::Srgb }
     }
 
-    /// The same as options, with the variant of the model.
+    /// The arguments as options, with the variant of the model that `modes` names.
     pub fn look(&self, modes: &ModeArgs) -> Look {
         let curve = self.curve();
         Look {
@@ -236,7 +236,7 @@ pub struct LightArgs {
 }
 
 impl LightArgs {
-    /// The same as options; colours in bytes are decoded by the curve that pictures are written with.
+    /// The arguments as options. Colours in bytes are decoded by the curve that pictures are written with.
     pub fn options(&self, curve: Curve) -> LightOptions {
         let given = |light: &parse::Light| scene::DirectionalLight {
             direction: light.direction,
@@ -281,7 +281,7 @@ pub struct ModeArgs {
 }
 
 impl ModeArgs {
-    /// The same as settings.
+    /// The arguments as settings; all others have the values of [`Look::default`].
     pub fn settings(&self) -> Settings {
         Settings {
             faces: self.faces.map_or(Settings::default().faces, Into::into),

@@ -15,7 +15,7 @@ struct Written {
     meaning: Option<String>,
 }
 
-/// What is collected while frames are rendered.
+/// The facts that are collected while frames are rendered.
 #[derive(Debug)]
 pub struct Report {
     device: String,
@@ -81,7 +81,7 @@ impl Report {
         }
     }
 
-    /// Records a file that was written, of so many frames, with the meaning of its values.
+    /// Records that a file of `frames` frames was written, with the meaning of its values.
     pub fn wrote(&mut self, target: &Target, frames: usize, meaning: Option<String>) {
         let (path, output) = (target.path.display().to_string(), target.output.name());
         self.written.push(Written { path, output, frames, meaning });

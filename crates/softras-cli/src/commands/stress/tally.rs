@@ -32,7 +32,7 @@ impl Worst {
     fn add(&mut self, seed: u64, error: Option<f64>) {
         let Some(error) = error else { return };
         self.count += 1;
-        // Of two equal errors the one with the lower seed counts, so that the order of cases does not matter.
+        // If two errors are equal, the lower seed counts, so that the order of cases does not matter.
         if self.count == 1 || error > self.error || (error == self.error && seed < self.seed) {
             (self.error, self.seed) = (error, seed);
         }

@@ -129,7 +129,7 @@ fn is_middlebury(path: &Path) -> bool {
     path.file_name().is_some_and(|name| name.to_string_lossy().ends_with("_par.txt"))
 }
 
-/// What a cameras.json looks like.
+/// The remedy that shows the form of a cameras.json.
 const FORMAT: &str = "write it, as [{\"file\": \"0.png\", \"distance\": 3, \"elevation\": 20, \"azimuth\": 45}, \
     {\"file\": \"1.png\", \"eye\": [0, 1, 3], \"target\": [0, 0, 0], \"fov\": 30}], or give a transforms.json (NeRF) or \
     the files of a COLMAP model";
@@ -218,7 +218,7 @@ fn pinhole(view: DMat4, [fx, fy, cx, cy]: [f64; 4], skew: f64, [width, height]: 
 /// forward. It may mirror.
 ///
 /// # Errors
-/// What is wrong with the matrix.
+/// A text that tells what is wrong with the matrix.
 fn posed(pose: DMat4, is_inverse: bool, axes: DVec3) -> std::result::Result<DMat4, String> {
     if (pose.row(3) - DVec4::W).abs().max_element() > ROUNDING {
         return Err("the last row must be (0, 0, 0, 1)".into());

@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 use softras::{Camera, Image, Result};
 use std::path::{Path, PathBuf};
 
-/// The files of so many views: pictures, and last the file that names them.
+/// The files of `count` views: pictures, and last the file that names them.
 pub fn names(folder: &Path, count: usize) -> Vec<PathBuf> {
     let picture = |view: usize| folder.join(name(view));
     (0..count).map(picture).chain([folder.join("cameras.json")]).collect()

@@ -1,4 +1,4 @@
-//! What strangers' files hold, small: each was drawn wrong without a note, or refused although it is valid.
+//! Small copies of parts of strangers' files: each was drawn wrong without a note, or refused although it is valid.
 
 use super::*;
 use crate::formats::write::little;
@@ -238,7 +238,7 @@ fn vertex_colours_stay_beside_textures() {
     .unwrap();
     assert_eq!((at_corners(&loaded, 0), at_corners(&loaded, 1)), ([RGB[0]; 3], RGB));
     assert!(loaded.notes.len() == 1 && loaded.notes[0].contains("lie on others"), "{:?}", loaded.notes);
-    // Of one primitive, the product: here the texture is red.
+    // A primitive that has both shows their product: here the texture is red.
     let product = changed(|root| {
         textured_by(root);
         primitive(root)["attributes"]["COLOR_0"] = json!(2);
@@ -560,7 +560,7 @@ fn draco_meshes_are_unpacked_and_broken_ones_refused() {
     let mesh = torus(12, 7);
     let loaded = draco(&mesh, |_| {}).unwrap();
     assert_eq!((loaded.mesh.triangles().len(), loaded.notes.len()), (mesh.triangles().len(), 0));
-    // The same triangles, each vertex within a step of Draco's grid.
+    // Draco keeps the triangles, each vertex within a step of its grid.
     let centers = |mesh: &Mesh| {
         let corner = |i: u32| mesh.positions()[i as usize];
         let mut all: Vec<[i32; 3]> = mesh

@@ -241,7 +241,7 @@ fn materials_of_gltf_tint_their_textures_and_repeat_them() {
     let Appearance::Textured { textures: found, .. } = loaded.mesh.appearance() else { panic!("{loaded:?}") };
     assert_eq!(found[0].wrap(), Wrap::Clamp);
     assert_eq!(found[0].texels()[3], [textures[0].texels()[3][0] * 0.5, textures[0].texels()[3][1], 1.0]);
-    // What lies outside the folder, or is no picture, is not drawn.
+    // A file of the same name in the folder replaces one outside. If there is none, or it is no picture, nothing is drawn.
     for (uri, note) in [("../a texture.png", "in its place"), ("/etc/hostname", "outside"), ("mesh.glb", "texture 0")] {
         root["images"] = json!([{ "uri": uri }]);
         assert_note(&read(&folder, "mesh.glb", &glb(&root, &binary)).unwrap(), note);

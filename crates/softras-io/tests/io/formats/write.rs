@@ -125,7 +125,7 @@ pub fn glb(root: &Value, binary: &[u8]) -> Vec<u8> {
     bytes
 }
 
-/// The same with the binary part within the text.
+/// A glTF file with its binary part within the text.
 pub fn embedded(mut root: Value, binary: &[u8]) -> Vec<u8> {
     root["buffers"][0]["uri"] = format!("data:application/octet-stream;base64,{}", STANDARD.encode(binary)).into();
     root.to_string().into_bytes()

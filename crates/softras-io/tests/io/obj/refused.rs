@@ -99,7 +99,7 @@ fn what_can_be_left_out_of_a_mesh_is_left_out() {
     // A point that no face names is no matter; its place is that of another, so that it is in no bounds.
     let loaded = load_text(format!("{V}v nan 0 0\n")).unwrap();
     assert_eq!((loaded.mesh.positions()[3], loaded.notes.len()), ([0.0; 3], 0));
-    // What a triangle has goes with it.
+    // A triangle that is left out takes its opacity, normals and colour with it.
     let text = format!(
         "v nan 0 0\n{}",
         TEXTURED.replace("f 1/1 2/2 3/3", "vn 0 0 1\nf 1/1/1 2/1/1 3/1/1\nusemtl u\nf 2/2/1 3/3/1 4/1/1")

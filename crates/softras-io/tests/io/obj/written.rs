@@ -147,7 +147,7 @@ fn links_are_written_through_and_permissions_kept() {
     assert!(save(&triangle(), &circle).unwrap_err().to_string().contains("too many symbolic links"));
 }
 
-/// What a killed process left is removed, what another is still writing is not.
+/// A file that a killed process left is removed. One that another process is still writing is not.
 #[test]
 fn litter_of_killed_processes_is_removed() {
     let folder = tempfile::tempdir().unwrap();

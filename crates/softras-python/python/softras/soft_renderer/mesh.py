@@ -44,7 +44,7 @@ class Mesh:
         textures = floats(textures, "textures")
         self._textures = textures[None] if textures.ndim == (3 if surface else 2) else textures
         self.texture_res = math.isqrt(self._textures.shape[2]) if surface else 1
-        # What `reset_` takes back; programs of the official package set them.
+        # The state that `reset_` restores; programs of the official package set these attributes.
         self._origin_vertices, self._origin_faces, self._origin_textures = self._vertices, self._faces, self._textures
 
     @property

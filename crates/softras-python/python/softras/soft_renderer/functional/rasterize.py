@@ -78,7 +78,7 @@ def rasterize_info(
     face_vertices: torch.Tensor, image_size: Size = 256, near: Number = 1, far: Number = 100, fill_back: bool = True,
     weights: Optional[dict] = None,
 ) -> tuple:
-    """What the fork of UMR returns beside the images: p2f_info [batch, F, 2] and aggrs_info [batch, 2, size, size].
+    """Two results that UMR's fork returns beside the images: p2f_info [batch, F, 2] and aggrs_info [batch, 2, size, size].
 
     aggrs_info is the depth of the nearest face of each pixel, 1e7 where there is none, and its number, -1 there. p2f_info is each
     face's mean place in the image, -1 to 1 with y down, by the `weights` that `soft_rasterize` takes besides, or zeros without; the
