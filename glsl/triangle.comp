@@ -148,7 +148,7 @@ void write_cells(int record_index, ivec4 box) {
     if (more > 0u || uint(size.x * size.y) > LARGE_BOX) {
         atomicOr(status[STATUS_LARGE_BOXES], 1u);
     }
-    // A box gets cells if cells times records fit 32 bits: then the sum of all fits. A software device divides lane by lane.
+    // A box gets cells where their product with all records fits 32 bits, as the sum then does: no division, which runs lane by lane.
     uint beyond;
     uint sum;
     umulExtended(more, frame.record_count, beyond, sum);
