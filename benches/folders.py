@@ -75,8 +75,8 @@ class Folder:
             options["exif"] = data
         Image.fromarray(pixels).save(path, **options)
 
-    def mask(self, name, rgba):
-        self.save(name, np.where(rgba[..., 3] > 127, 255, 0).astype(np.uint8))
+    def mask(self, name, inside):
+        self.save(name, np.where(inside, 255, 0).astype(np.uint8))
 
     def transforms(self, names, ks, more=lambda i: {}):
         flip = np.diag([1, -1, -1, 1])
@@ -158,15 +158,15 @@ def oxford(folder):
 
 
 def each(folder, name, background, sigma=3.0, **options):
-    """Saves each view over a background as a picture with noise. Returns all names and camera matrices, and the objects alone."""
-    names, ks, objects = [], [], []
+    """Saves each view over a background as a picture with noise. Returns all names, camera matrices and masks."""
+    names, ks, masks = [], [], []
     for i, view in enumerate(folder.views):
         rgba, k = folder.pixels(view)
         folder.save(name.format(i), folder.noisy(folder.over(rgba, background(i)), sigma), exif=folder.exif(i), **options)
         names.append(name.format(i))
         ks.append(k)
-        objects.append(rgba)
-    return names, ks, objects
+        masks.append(rgba[..., 3] > 127)
+    return names, ks, masks
 
 
 def statue(folder):
@@ -174,9 +174,9 @@ def statue(folder):
     for i, view in enumerate(folder.views):
         if i % 8:
             view["zoom"], view["shift"] = 1.25, (0, folder.size[1] // 6)
-    names, ks, objects = each(folder, "images/{:04}.jpg", folder.room, 2.0, quality=90)
-    for name, rgba in zip(names, objects):
-        folder.mask(name.replace("images", "masks") + ".png", rgba)
+    names, ks, masks = each(folder, "images/{:04}.jpg", folder.room, 2.0, quality=90)
+    for name, inside in zip(names, masks):
+        folder.mask(name.replace("images", "masks") + ".png", inside)
     folder.colmap(names, ks, binary=True)
 
 
@@ -205,18 +205,18 @@ def mouse(folder):
 
 def frames(folder):
     """Frames of a video with masks of 0 and 1 in a folder of their own."""
-    names, ks, objects = each(folder, "frame_{:05}.jpg", folder.room, quality=80)
-    for name, rgba in zip(names, objects):
-        folder.save(f"mask/{name[:-4]}.png", (rgba[..., 3] > 127).astype(np.uint8))
+    names, ks, masks = each(folder, "frame_{:05}.jpg", folder.room, quality=80)
+    for name, inside in zip(names, masks):
+        folder.save(f"mask/{name[:-4]}.png", inside.astype(np.uint8))
     folder.transforms(names, ks)
 
 
 def phone(folder):
     """A phone's pictures, turned by EXIF, with masks that a program made of the turned pictures."""
     folder.exif = lambda i: 6
-    names, ks, objects = each(folder, "images/PXL_{:04}.jpg", folder.room, 2.0, quality=88)
-    for name, rgba in zip(names, objects):
-        folder.mask(name.replace("images", "silhouettes")[:-4] + ".png", np.rot90(rgba, -1))
+    names, ks, masks = each(folder, "images/PXL_{:04}.jpg", folder.room, 2.0, quality=88)
+    for name, inside in zip(names, masks):
+        folder.mask(name.replace("images", "silhouettes")[:-4] + ".png", np.rot90(inside, -1))
     folder.colmap(names, ks, binary=True)
 
 
@@ -239,11 +239,21 @@ def run(program, folder, *arguments):
     began = time.time()
     with tempfile.TemporaryFile() as told:
         process = subprocess.Popen([program, *map(str, arguments)], cwd=folder, stdout=told, stderr=told)
-        _, status, used = os.wait4(process.pid, 0)
+        done, memory = 0, 0.0
+        while not done:
+            memory = max(memory, peak(process.pid))
+            time.sleep(0.01)
+            done, status, used = os.wait4(process.pid, os.WNOHANG)
         process.returncode = os.waitstatus_to_exitcode(status)
         told.seek(0)
         text = told.read().decode()
-    return text, process.returncode, time.time() - began, used.ru_utime + used.ru_stime, used.ru_maxrss / 1000
+    return text, process.returncode, time.time() - began, used.ru_utime + used.ru_stime, memory
+
+
+def peak(process):
+    """The most memory of a running process so far, in MB; `ru_maxrss` would count what this program held when it forked."""
+    lines = pathlib.Path(f"/proc/{process}/status").read_text().splitlines()
+    return sum(int(line.split()[1]) for line in lines if line.startswith("VmHWM")) / 1000
 
 
 def rendered(program, home, mesh, count, large):

@@ -2,7 +2,8 @@
 
 Each file holds one small shape without symmetry. `softras.load` must find its triangles, colours and UVs as they were meant, and
 `softras.render` must draw them as a z-buffer of numpy does from three sides. trimesh, where it is installed (`test.sh --with trimesh
---with scipy`), must find the same triangles, but for the kinds of files that `TRIMESH_CANNOT` names.
+--with scipy`), must find the same triangles and, where it gives colours of vertices or faces, the same colours, but for the kinds of files that
+`TRIMESH_CANNOT` names. It gives none for OBJ files with UVs or materials, and takes glTF's UVs without their scale and transform.
 """
 
 import numpy as np
@@ -88,7 +89,12 @@ def test_trimesh_reads_the_same(tmp_path, kind):
         if tags & TRIMESH_CANNOT:
             continue
         mesh = trimesh.load(path, force="mesh", process=False)
-        got, wanted = ordered(np.asarray(mesh.vertices)[np.asarray(mesh.faces)])[0], ordered(meant.corners)[0]
-        assert got.shape == wanted.shape and np.abs(got - wanted).max() < 0.02, f"{path.name} {sorted(tags)}"
+        faces, colors = np.asarray(mesh.faces), []
+        if meant.colors is not None and mesh.visual.kind in ("vertex", "face"):
+            per_vertex = mesh.visual.kind == "vertex"
+            colors = [mesh.visual.vertex_colors[faces] if per_vertex else np.repeat(mesh.visual.face_colors[:, None], 3, axis=1)]
+        got = ordered(np.asarray(mesh.vertices)[faces], *[color[..., :3] / 255 for color in colors])
+        for got, wanted in zip(got, ordered(meant.corners, *[meant.colors for _ in colors])):
+            assert got.shape == wanted.shape and np.abs(got - wanted).max() < 0.02, f"{path.name} {sorted(tags)}"
         count += 1
     assert count > 10
