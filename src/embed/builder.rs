@@ -476,10 +476,21 @@ impl PassPlan {
             let what = format!("a readback buffer of {} bytes", readback.len());
             return Err(Error::Host { what, fix: "give the whole readback buffer's bytes".into() });
         };
-        Ok(match Status::from_bytes(bytes).validate(&self.frame)? {
-            None => PassStatus::Whole,
-            Some(capacity) => PassStatus::Grow(capacity),
-        })
+        let next = Status::from_bytes(bytes).next(&self.frame)?;
+        Ok(if next.capacity == self.frame.capacity { PassStatus::Whole } else { PassStatus::Grow(next.capacity) })
+    }
+
+    /// A plan with more room, for the frames to come to be faster, where [`status`](Self::status) says that the lists of a frame
+    /// had too little; `None` where they had room, or cannot have more on this device. A host that binds each plan that it gets so
+    /// comes to an end: the room of lists has a limit, and each plan has more than the one before.
+    ///
+    /// # Errors
+    /// As [`status`](Self::status) and [`PassBuilder::build`].
+    pub fn next_plan(&self, readback: &[u8]) -> Result<Option<Self>> {
+        match self.status(readback)? {
+            PassStatus::Whole => Ok(None),
+            PassStatus::Grow(capacity) => self.builder().capacity(capacity).build().map(Some),
+        }
     }
 }
 
@@ -489,7 +500,7 @@ pub enum PassStatus {
     /// Its images and gradients are valid, and its lists had room.
     Whole,
     /// Its images and gradients are valid, but some of its lists had no room, so that it took longer. A plan with this
-    /// [`capacity`](PassBuilder::capacity), bound by [`rebind`](super::Pass::rebind), is faster.
+    /// [`capacity`](PassBuilder::capacity) is faster: [`PassPlan::next_plan`] makes it, [`rebind`](super::Pass::rebind) binds it.
     Grow(Capacity),
 }
 

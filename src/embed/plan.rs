@@ -153,7 +153,7 @@ impl FramePlan {
     }
 
     /// Plans a frame as [`new`](Self::new) does, with a choice of the rarely needed kernels. The others are neither compiled nor
-    /// recorded; [`Status::is_complete`](super::Status::is_complete) says whether the frame is complete without them.
+    /// recorded; [`Status::next`](super::Status::next) says whether the frame is complete without them.
     pub(crate) fn of(
         limits: &Limits,
         kind: DeviceKind,

@@ -3,7 +3,7 @@
 use super::plan::FramePlan;
 use crate::constants as c;
 use crate::error::{Error, Result};
-use crate::frame::plan::Capacity;
+use crate::frame::plan::{Capacity, Rare};
 
 /// The words of a frame's `status` buffer, to be read whenever the frame is done; nothing waits for them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -43,29 +43,37 @@ impl Status {
         }
     }
 
-    /// Whether all lists had room.
-    #[cfg(feature = "renderer")]
-    pub(crate) fn had_room(&self, plan: &FramePlan) -> bool {
-        self.walked_tiles == 0 && self.needed.cells <= plan.forward.push.cell_capacity
-    }
-
-    /// Whether the kernels that it was planned with suffice for the frame.
-    #[cfg(feature = "renderer")]
-    pub(crate) fn is_complete(&self, plan: &FramePlan) -> bool {
-        let rare = plan.forward.rare;
-        (rare.walked || self.had_room(plan)) && (rare.thin || self.thin_tiles == 0) && (rare.large || !self.large_boxes)
-    }
-
-    /// Checks that the frame of this plan is valid. Returns the capacity to plan further frames with, so that they are
-    /// faster, or `None` if all its lists had room or cannot have more on this device.
+    /// The capacity and the kernels for the frame after one of this plan.
+    ///
+    /// A frame that is not complete is rendered again with them, which ends: each time a list has grown, up to what the device can
+    /// bind, or one of three kernels was added; a list that cannot grow is walked, and every frame with all kernels is complete.
     ///
     /// # Errors
     /// [`Error::NotFinite`] when the device's arithmetic overflowed: the frame's images mean nothing.
-    pub fn validate(&self, plan: &FramePlan) -> Result<Option<Capacity>> {
+    pub fn next(&self, plan: &FramePlan) -> Result<Next> {
         if self.not_finite {
             let fix = "bring positions and camera to a scale within 1e15, and near above 1e-6".into();
             return Err(Error::NotFinite { stage: "triangle", fix });
         }
-        Ok(plan.capacity.grown(self.needed).map(|larger| plan.within_limits(larger)).filter(|c| *c != plan.capacity))
+        let grown = plan.capacity.grown(self.needed).map_or(plan.capacity, |larger| plan.within_limits(larger));
+        let had = plan.forward.rare;
+        let had_room = self.walked_tiles == 0 && self.needed.cells <= plan.forward.push.cell_capacity;
+        let rare = Rare {
+            walked: had.walked || (!had_room && grown == plan.capacity),
+            thin: had.thin || self.thin_tiles > 0,
+            large: had.large || self.large_boxes,
+        };
+        Ok(Next { capacity: grown, rare, is_complete: rare == had && (had_room || had.walked) })
     }
+}
+
+/// What a frame says of the one after it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Next {
+    /// Room for all that its lists needed, as far as the device can have it.
+    pub capacity: Capacity,
+    /// The kernels that it had and those that it lacked.
+    pub rare: Rare,
+    /// Whether its images and gradients are valid.
+    pub is_complete: bool,
 }

@@ -194,17 +194,13 @@ impl Renderer {
             self.make_room(self.latest, plan.buffers(), false)?;
             let slot = &mut self.slots[self.latest];
             let status = slot.execute(&self.shared, scene, cameras, settings, &plan, self.timed)?;
-            let larger = status.validate(&plan)?;
-            if status.is_complete(&plan) {
+            let next = status.next(&plan)?;
+            if next.is_complete {
                 // The next frame of this kind has room for what this one needed.
-                let larger = larger.unwrap_or(plan.capacity);
-                self.keep_capacity(kind, kept.map_or(larger, |kept| kept.max(larger)));
+                self.keep_capacity(kind, kept.map_or(next.capacity, |kept| kept.max(next.capacity)));
                 break;
             }
-            self.rare.walked |= !status.had_room(&plan) && larger.is_none();
-            self.rare.thin |= status.thin_tiles > 0;
-            self.rare.large |= status.large_boxes;
-            shape.capacity = larger.or(shape.capacity);
+            (self.rare, shape.capacity) = (next.rare, Some(next.capacity));
             plan = self.plan(&shape, settings)?;
         }
         let slot = &mut self.slots[self.latest];

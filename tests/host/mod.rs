@@ -135,9 +135,9 @@ impl Host {
         loop {
             let host = Self::new(engine, rasterizer, plan.clone()).with_upstream(upstream);
             run(engine, &host.pass);
-            match host.status() {
-                PassStatus::Whole => return host,
-                PassStatus::Grow(capacity) => plan = plan.capacity(capacity),
+            match host.pass.plan().next_plan(host.memory.readback.bytes()).unwrap() {
+                None => return host,
+                Some(larger) => plan = larger.builder(),
             }
         }
     }

@@ -185,9 +185,8 @@ impl Fit {
 
     /// The loss of the last step. If the lists of its frame were too small, they grow, so that the next steps are faster.
     fn look(&mut self, engine: &mut Engine, mesh: &Mesh) -> Outcome<f32> {
-        if let PassStatus::Grow(capacity) = self.soft.pass.status(self.soft.readback.mapped_slice())? {
-            let plan = self.soft.pass.plan().builder().capacity(capacity).build()?;
-            self.soft = engine.bind(plan, &mesh.buffers())?;
+        if let Some(larger) = self.soft.pass.plan().next_plan(self.soft.readback.mapped_slice())? {
+            self.soft = engine.bind(larger, &mesh.buffers())?;
         }
         Ok(bytemuck::cast_slice::<u8, f32>(self.losses.mapped_slice()).iter().sum())
     }

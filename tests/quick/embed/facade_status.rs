@@ -50,8 +50,10 @@ fn a_pass_does_not_depend_on_the_room_for_lists() {
                 assert_eq!(difference(values, whole), None, "{id:?} {capacity:?}");
             }
             let PassStatus::Grow(grown) = status else { panic!("{capacity:?} is enough") };
+            let next = pass.plan().next_plan(memory.readback.bytes()).unwrap().unwrap();
+            assert_eq!(next.memory(), pass.plan().builder().capacity(grown).build().unwrap().memory());
             // The host rebinds with room.
-            let plan = pass.plan().builder().capacity(grown.max(full)).build().unwrap();
+            let plan = next.builder().capacity(grown.max(full)).build().unwrap();
             let mut larger = Memory::new(&engine, &plan);
             let rebound = pass.rebind(plan, larger.refs(), &scenery.buffers(true)).unwrap();
             assert!(rebound.moved.contains(&BufferId::Color) && rebound.old.buffer(BufferId::Color).is_some());
@@ -59,6 +61,7 @@ fn a_pass_does_not_depend_on_the_room_for_lists() {
             larger.write_upstream(&pass, &upstream);
             run(&engine, &pass);
             assert_eq!(pass.status(larger.readback.bytes()).unwrap(), PassStatus::Whole);
+            assert!(pass.plan().next_plan(larger.readback.bytes()).unwrap().is_none());
             for (id, whole) in outputs.iter().zip(&whole.1) {
                 assert_eq!(difference(&larger.floats(&pass, *id), whole), None, "{id:?} rebound");
             }
