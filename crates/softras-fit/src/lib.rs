@@ -35,72 +35,40 @@
 //! # }
 //! ```
 
-mod atlas;
-mod begin;
-mod cameras;
-mod carved;
-mod checkpoint;
-mod color;
-mod dig;
-mod doubt;
-mod exposure;
-mod film;
 mod fit;
-mod hull;
-mod image_loss;
-mod optimizer;
-mod options;
-mod paint;
-mod plan;
+mod mesh;
+mod optimize;
+mod photographs;
 mod pose;
-mod recut;
-mod refine;
-mod regions;
-mod regularizer;
-mod remesh;
 mod report;
-mod run;
-mod schedule;
-mod scores;
-mod seen;
-mod setup;
-mod shape;
-mod smoothing;
-mod soft_target;
-mod subdivision;
-mod subject;
-mod texels;
-mod topology;
-mod unseen;
-mod voxel;
-mod width;
+mod solid;
 mod work;
 
-pub use atlas::with_atlas;
-pub use cameras::Sphere;
-pub use carved::carved;
-pub use film::Film;
+pub use fit::options::{FitOptions, Preset, Template};
+pub use fit::paint::Painted;
+pub use fit::scores::Scores;
 pub use fit::{Fit, Fitted, Fitting, Taken};
-pub use hull::visual_hull;
-pub use image_loss::{
+pub use mesh::atlas::with_atlas;
+pub use mesh::remesh::{evened, remeshed, remeshed_while};
+pub use mesh::subdivision::Subdivision;
+pub use mesh::topology::{Flap, Topology};
+pub use optimize::image_loss::{
     ImageLoss, LossGradient, blur_factor, blurred, blurred_gradient, mask_iou, pooled, pooled_gradient,
 };
-pub use optimizer::{Method, Optimizer};
-pub use options::{FitOptions, Preset, Template};
-pub use paint::Painted;
+pub use optimize::optimizer::{Method, Optimizer};
+pub use optimize::regularizer::{Regularizer, laplacian_coordinates};
+pub use optimize::run::ShapeRun;
+pub use optimize::schedule::Schedule;
+pub use optimize::shape::{Parametrization, ShapeFit, ShapeOptions, State, StepLosses};
+pub use optimize::soft_target::{CLOSED, signed_distance, soft_target};
+pub use photographs::cameras::Sphere;
+pub use photographs::subject::{Lighting, Subject, ViewsOfMesh};
+pub use photographs::unseen::Unseen;
 pub use pose::{Pose, PoseFit, PoseOptions, PoseSearch, PoseTarget, rotations};
-pub use regularizer::{Regularizer, laplacian_coordinates};
-pub use remesh::{evened, remeshed, remeshed_while};
-pub use run::ShapeRun;
-pub use schedule::Schedule;
-pub use scores::Scores;
-pub use shape::{Parametrization, ShapeFit, ShapeOptions, State, StepLosses};
-pub use soft_target::{CLOSED, signed_distance, soft_target};
-pub use subdivision::Subdivision;
-pub use subject::{Lighting, Subject, ViewsOfMesh};
-pub use topology::{Flap, Topology};
-pub use unseen::Unseen;
-pub use voxel::{MAX_RESOLUTION, Voxels, cube_around, enclosed, is_closed, overlap, voxel_iou};
+pub use report::film::Film;
+pub use solid::carved::carved;
+pub use solid::hull::visual_hull;
+pub use solid::voxel::{MAX_RESOLUTION, Voxels, cube_around, enclosed, is_closed, overlap, voxel_iou};
 pub use work::{Event, Progress, Stage, Told};
 
 use glam::DVec3;
@@ -139,5 +107,5 @@ fn sized(settings: &Settings, (height, width): (usize, usize), samples: usize) -
 
 /// The cameras for images with `samples` along each side of a pixel, as [`sized`] makes them.
 fn finer(cameras: &[Camera], samples: usize) -> Result<Vec<Camera>> {
-    cameras.iter().map(|camera| cameras::scaled(camera, [samples as f64; 2])).collect()
+    cameras.iter().map(|camera| photographs::cameras::scaled(camera, [samples as f64; 2])).collect()
 }

@@ -1,6 +1,6 @@
 //! One picture of an object, in several sizes, and where the object lies in it.
 
-use super::PoseTarget;
+use super::target::PoseTarget;
 use crate::bad;
 use glam::{DVec2, DVec3};
 use softras::{Image, Result, scene::Camera};

@@ -1,10 +1,11 @@
 //! The search for all poses that explain a picture: first a grid over all rotations in small images, then fits from the most
 //! likely ones in larger images.
 
+use super::descent::{Pose, PoseFit, PoseOptions, of_each, rotations};
 use super::picture::{Picture, Place};
-use super::{Pose, PoseFit, PoseOptions, PoseTarget, of_each, rotations};
-use crate::cameras::scaled;
-use crate::{Schedule, bad, cameras::reach, points, voxel::is_closed};
+use super::target::PoseTarget;
+use crate::photographs::cameras::scaled;
+use crate::{Schedule, bad, photographs::cameras::reach, points, solid::voxel::is_closed};
 use glam::{DMat3, DVec3};
 use softras::{
     Image, Renderer, Result,

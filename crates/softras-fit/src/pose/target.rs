@@ -1,8 +1,8 @@
 //! The target images of a pose fit, and the loss against them.
 
 use crate::bad;
-use crate::cameras::outer;
-use crate::image_loss::{blurred, blurred_gradient, pooled, pooled_gradient};
+use crate::optimize::image_loss::{blurred, blurred_gradient, pooled, pooled_gradient};
+use crate::photographs::cameras::outer;
 use glam::{DMat3, DVec3};
 use softras::{Frame, Image, ImageGradient, Result};
 use std::{borrow::Cow, ops::Range};

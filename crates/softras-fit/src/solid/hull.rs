@@ -1,0 +1,334 @@
+//! The visual hull: the largest solid that has given silhouettes (Laurentini, "The Visual Hull Concept for Silhouette-Based
+//! Image Understanding", 1994), as a mesh to begin a fit with.
+//!
+//! A point of a solid lies within its silhouette in every picture. So the hull is where f > 0, f(p) the least, over all
+//! pictures, of the signed distance between p's projection and the silhouette's outline, in world units at p's depth. It is
+//! sampled on a grid, and the mesh is its zero level. Where a picture has a depth, what lies in front of it is outside too: f is
+//! at most p's depth less the picture's.
+
+use crate::bad;
+use crate::mesh::regions::{is_border, regions};
+use crate::optimize::shape::{known, masked};
+use crate::optimize::soft_target::signed_distance;
+use glam::DVec3;
+use softras::{
+    Image, Result,
+    scene::{Camera, Mesh, Projection},
+    shapes::Samples,
+};
+use softras_io::Views;
+
+/// The most samples along a side of the grid.
+const MAX_RESOLUTION: usize = 256;
+/// Samples along a side of the first grid, which finds the box that the hull fills.
+const COARSE: usize = 48;
+/// A part of a hull by depths, or of a solid that was cut, has at least this share of its samples.
+const LEAST_PART: f64 = 1e-3;
+/// Pictures below this height are enlarged, so that their outlines run between pixels as the grey of their pixels says.
+const FINE_HEIGHT: usize = 1024;
+/// The most that they are enlarged.
+pub(crate) const MOST_ENLARGED: usize = 4;
+
+/// The visual hull of the silhouettes, less what the depths show to be empty, within the cube of side `side` around `center`,
+/// in world units. Its triangles' edges are about as long as the hull's longest extent divided by `resolution`, 8 to 256.
+///
+/// Beyond the border of a picture nothing is, or nothing is known where the border cuts the silhouette.
+///
+/// # Errors
+/// [`softras::Error::Fit`] where there is no hull: targets without silhouettes or that do not fit together, a silhouette without
+/// an inside, silhouettes whose cameras have no point in common; for a camera of [`Projection::Official`] or
+/// [`Projection::Screen`]; and for a cube or a resolution out of range.
+pub fn visual_hull(of: &Views, center: [f64; 3], side: f64, resolution: usize) -> Result<Mesh> {
+    let mut grid = hull(&views(of, MOST_ENLARGED)?, center, side, resolution, 0.0)?;
+    if of.depth.is_some() {
+        mend(&mut grid);
+    }
+    match grid.mesh()? {
+        Some(mesh) => Ok(mesh),
+        None => bad("a hull thinner than its samples", "use a higher resolution"),
+    }
+}
+
+/// The hull of silhouettes that are wider by `slack`, world units.
+pub(crate) fn wide_hull(
+    of: &Views,
+    center: [f64; 3],
+    side: f64,
+    resolution: usize,
+    slack: f64,
+) -> Result<Option<Mesh>> {
+    hull(&views(of, 1)?, center, side, resolution, slack)?.mesh()
+}
+
+/// The samples of the hull of silhouettes that are wider by `slack`, on a grid around it.
+pub(crate) fn hull(views: &[View], center: [f64; 3], side: f64, resolution: usize, slack: f64) -> Result<Samples> {
+    if !(8..=MAX_RESOLUTION).contains(&resolution) {
+        return bad(format!("a hull of {resolution} samples a side"), "use 8 to 256");
+    }
+    if !(side > 0.0 && side.is_finite() && center.iter().all(|x| x.is_finite())) {
+        return bad(format!("a hull in a cube of side {side:?} around {center:?}"), "use a finite side above 0");
+    }
+    let mut coarse = Samples::new(DVec3::from(center) - 0.5 * side, side, COARSE);
+    carve(&mut coarse, views, slack, View::outline_distance);
+    let Some((low, high)) = inside(&coarse) else {
+        let fix = "check that every camera belongs to its picture, and that the object is in all of them";
+        return bad("no solid fits the silhouettes", fix);
+    };
+    // Two samples more on each side than the hull takes.
+    let side = (high - low).max_element() * (1.0 + 4.0 / resolution as f64);
+    let mut grid = Samples::new((low + high) * 0.5 - 0.5 * side, side, resolution);
+    carve(&mut grid, views, slack, View::distance);
+    (0..3).for_each(|axis| blur(&mut grid, axis));
+    Ok(grid)
+}
+
+/// A picture's distances from its outline, and its camera.
+pub(crate) struct View {
+    /// A camera with its focal length in place of a field of view: an angle's tangent takes longer than all else of a point.
+    camera: Camera,
+    /// In screen units, above 0 inside.
+    distance: Image,
+    /// Pixels of the picture itself along its height.
+    height: f64,
+    /// Whether the picture's border cuts the silhouette: then it tells nothing of what lies beyond.
+    is_cut: bool,
+    /// The depths of the surface, 0 where they are not known.
+    depths: Option<Image>,
+}
+
+/// The views of all targets, their silhouettes enlarged `times` times at most.
+pub(crate) fn views(targets: &Views, times: usize) -> Result<Vec<View>> {
+    let Some(silhouettes) = &targets.silhouette else {
+        return bad("a hull without silhouettes", "give the targets' silhouettes");
+    };
+    targets.size()?;
+    let view = |(i, camera): (usize, &Camera)| {
+        if matches!(camera.projection(), Projection::Official { .. } | Projection::Screen) {
+            let what = format!("a hull from camera {i}, a {:?}", camera.projection());
+            return bad(what, "use perspective, orthographic or pinhole cameras");
+        }
+        let picture = silhouettes.views(i..i + 1);
+        if picture.data.iter().all(|x| *x <= 0.5) {
+            return bad(format!("picture {i} without an inside"), "leave out pictures that do not show the object");
+        }
+        let depths = targets.depth.as_ref().map(|depths| {
+            let depths = depths.views(i..i + 1);
+            masked(&depths, &known(&depths, Some(&picture)))
+        });
+        let distance = signed_distance(&enlarged(&picture, times))?;
+        let camera = match camera.intrinsics((picture.width as u32, picture.height as u32)) {
+            Some([fx, fy, cx, cy]) => Camera::from_affine(camera.matrix(), Projection::Pinhole { fx, fy, cx, cy })?,
+            None => *camera,
+        };
+        Ok(View { camera, distance, height: picture.height as f64, is_cut: is_cut(&picture), depths })
+    };
+    targets.cameras.iter().enumerate().map(view).collect()
+}
+
+/// Whether a silhouette reaches the border of its picture.
+fn is_cut(picture: &Image) -> bool {
+    let size = (picture.height, picture.width);
+    picture.data.iter().enumerate().any(|(i, x)| *x > 0.5 && is_border(i, size))
+}
+
+/// The picture enlarged by linear interpolation.
+fn enlarged(picture: &Image, most: usize) -> Image {
+    let times = (FINE_HEIGHT / picture.height).clamp(1, most);
+    let (height, width) = (times * picture.height, times * picture.width);
+    let at = |i: usize| (i as f64 + 0.5) / times as f64;
+    let data =
+        (0..height).flat_map(|row| (0..width).map(move |column| sample(picture, 0, 0, at(column), at(row)) as f32));
+    Image { height, width, data: data.collect(), ..*picture }
+}
+
+/// The depth at a place, between those of the four pixels around it or, where they differ by more than `step`, of the pixel that it
+/// lies in; `None` where one of them is not known.
+pub(crate) fn depth_at(depths: &Image, view: usize, column: f64, row: f64, step: f64) -> Option<f64> {
+    let (left, top) = ((column - 0.5).floor(), (row - 0.5).floor());
+    if left < 0.0 || top < 0.0 || left as usize + 1 >= depths.width || top as usize + 1 >= depths.height {
+        return None;
+    }
+    let at = |down: usize, right: usize| f64::from(depths.pixel(view, top as usize + down, left as usize + right)[0]);
+    let around = [at(0, 0), at(0, 1), at(1, 0), at(1, 1)];
+    let (least, most) = around.iter().fold((f64::INFINITY, 0.0f64), |(least, most), z| (least.min(*z), most.max(*z)));
+    if least <= 0.0 {
+        return None;
+    }
+    let own = || f64::from(depths.pixel(view, row as usize, column as usize)[0]);
+    Some(if most - least <= step { sample(depths, view, 0, column, row) } else { own() })
+}
+
+/// The value of a view's channel at a column and a row, where the centre of the first pixel is at (0.5, 0.5); that of its border beyond it.
+pub(crate) fn sample(image: &Image, view: usize, channel: usize, column: f64, row: f64) -> f64 {
+    between((image.width, image.height), (column, row), |row, column| {
+        f64::from(image.pixel(view, row, column)[channel])
+    })
+}
+
+/// Interpolates between the pixels of a picture, whose values are asked for by row and column, as [`sample`].
+pub(crate) fn between(
+    (width, height): (usize, usize),
+    (column, row): (f64, f64),
+    at: impl Fn(usize, usize) -> f64,
+) -> f64 {
+    let near = |x: f64, count: usize| {
+        let x = (x - 0.5).clamp(0.0, (count - 1) as f64);
+        (x as usize, (x as usize + 1).min(count - 1), x.fract())
+    };
+    let (left, right, along) = near(column, width);
+    let (top, bottom, down) = near(row, height);
+    let mix = |row: usize| at(row, left) * (1.0 - along) + at(row, right) * along;
+    mix(top) * (1.0 - down) + mix(bottom) * down
+}
+
+impl View {
+    /// The signed distance of a point from the silhouette's outline in world units; `None` behind the camera.
+    pub(crate) fn outline_distance(&self, point: DVec3) -> Option<f64> {
+        let place = self.place(point)?;
+        Some(place.unit * sample(&self.distance, 0, 0, place.column, place.row))
+    }
+
+    /// The distance from the outline as in `outline_distance`, but no more than the depth of the point behind the surface in the picture.
+    fn distance(&self, point: DVec3) -> Option<f64> {
+        let place = self.place(point)?;
+        let times = self.distance.height as f64 / self.height;
+        // Depths differ by more than four pixels from one pixel to the next where a surface is seen at less than some 14 degrees.
+        let step = 8.0 * place.unit / self.height;
+        let shown = |depths| depth_at(depths, 0, place.column / times, place.row / times, step);
+        let behind = self.depths.as_ref().and_then(shown).map_or(f64::INFINITY, |shown| place.depth - shown);
+        Some(behind.min(place.unit * sample(&self.distance, 0, 0, place.column, place.row)))
+    }
+
+    /// The column and the row of the pixel that a point is seen in; `None` behind the camera and beyond the picture.
+    pub(crate) fn pixel(&self, point: DVec3) -> Option<(usize, usize)> {
+        let Place { column, row, .. } = self.place(point)?;
+        let times = self.distance.height as f64 / self.height;
+        let (column, row) = (column / times, row / times);
+        let inside = column >= 0.0 && row >= 0.0 && row < self.height && column * times < self.distance.width as f64;
+        inside.then_some((column as usize, row as usize))
+    }
+
+    /// Where a point is seen; `None` behind the camera, and beyond the border of a picture that cuts its silhouette.
+    fn place(&self, point: DVec3) -> Option<Place> {
+        let (width, height) = (self.distance.width as f64, self.distance.height as f64);
+        let times = height / self.height;
+        let [column, row, depth] = self.camera.project(point, ((width / times) as u32, self.height as u32))?;
+        let is_inside = column >= 0.0 && row >= 0.0 && column * times < width && row < self.height;
+        if self.is_cut && !is_inside {
+            return None;
+        }
+        let unit = match *self.camera.projection() {
+            Projection::Pinhole { fx, fy, .. } => 0.5 * self.height * depth / fx.max(fy),
+            Projection::Orthographic { half_height } => half_height,
+            _ => return None,
+        };
+        Some(Place { column: times * column, row: times * row, unit, depth })
+    }
+}
+
+/// A position in pixels of the distances' image, with the world units of a screen unit there and the view depth.
+struct Place {
+    column: f64,
+    row: f64,
+    unit: f64,
+    depth: f64,
+}
+
+/// Sets each sample to the least of the views' distances and the slack.
+fn carve(grid: &mut Samples, views: &[View], slack: f64, distance: impl Fn(&View, DVec3) -> Option<f64>) {
+    // Distances beyond some samples do not matter, and what no picture shows is outside.
+    let far = far(grid);
+    for i in 0..grid.values.len() {
+        let point = grid.position(i);
+        let mut value = f32::MAX;
+        for distance in views.iter().filter_map(|view| distance(view, point)) {
+            value = value.min((distance + slack) as f32);
+            if value < -far {
+                break;
+            }
+        }
+        grid.values[i] = if value == f32::MAX { -far } else { value.clamp(-far, far) };
+    }
+}
+
+/// The most that a sample is; its opposite is the least.
+pub fn far(grid: &Samples) -> f32 {
+    (4.0 * grid.step) as f32
+}
+
+/// The box of all points that may be inside: those nearer to a sample than the outline.
+fn inside(grid: &Samples) -> Option<(DVec3, DVec3)> {
+    // Half the diagonal of a cell.
+    let reach = 0.5 * 3f64.sqrt() * grid.step;
+    let near = (0..grid.values.len()).filter(|i| f64::from(grid.values[*i]) > -reach);
+    let points = near.map(|i| grid.position(i));
+    let bounds = points.map(|p| (p, p)).reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))?;
+    Some((bounds.0 - 0.5 * grid.step, bounds.1 + 0.5 * grid.step))
+}
+
+/// Puts small parts outside, and air that is enclosed inside: depths leave both where an outline runs before a surface farther
+/// away, a cut leaves shavings, and of what is enclosed no picture shows anything.
+pub fn mend(grid: &mut Samples) {
+    let fewest = LEAST_PART * grid.values.iter().filter(|value| **value > 0.0).count() as f64;
+    let n = grid.resolution;
+    let beside = |i: usize, around: &mut Vec<usize>| {
+        for stride in [1, n, n * n] {
+            let place = i / stride % n;
+            around.extend((place > 0).then(|| i - stride).into_iter().chain((place + 1 < n).then_some(i + stride)));
+        }
+    };
+    let on_side = |is_in: bool| regions(grid.values.len(), |i| (grid.values[i] > 0.0) == is_in, beside);
+    let (solids, airs) = (on_side(true), on_side(false));
+    for crumb in solids.into_iter().filter(|part| (part.len() as f64) < fewest) {
+        crumb.into_iter().for_each(|i| grid.values[i] = -grid.values[i]);
+    }
+    let is_border = |i: usize| [1, n, n * n].iter().any(|stride| [0, n - 1].contains(&(i / stride % n)));
+    for enclosed in airs.into_iter().filter(|part| !part.iter().any(|&i| is_border(i))) {
+        enclosed.into_iter().for_each(|i| grid.values[i] = (-grid.values[i]).max(f32::MIN_POSITIVE));
+    }
+}
+
+/// Weighs each sample with its neighbours along an axis by (1, 2, 1) / 4, which removes handles and cavities that are only of
+/// the samples: the least of many distances has sharp ridges between them.
+fn blur(grid: &mut Samples, axis: usize) {
+    let n = grid.resolution;
+    let stride = n.pow(axis as u32);
+    for first in (0..grid.values.len()).filter(|i| (i / stride).is_multiple_of(n)) {
+        let mut before = grid.values[first];
+        for i in (1..n - 1).map(|k| first + k * stride) {
+            let here = grid.values[i];
+            grid.values[i] = 0.25 * (before + 2.0 * here + grid.values[i + stride]);
+            before = here;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn crumbs_go_outside_and_enclosed_air_inside() {
+        const SIDE: usize = 24;
+        let mut samples = Samples::new(DVec3::ZERO, 1.0, SIDE);
+        let at = |x: usize, y: usize, z: usize| (z * SIDE + y) * SIDE + x;
+        // A block with a bubble in it, one sample of which lies on the outline itself, and a crumb beside it.
+        samples.values.fill(-1.0);
+        for (x, y, z) in (4..20).flat_map(|x| (4..20).flat_map(move |y| (4..16).map(move |z| (x, y, z)))) {
+            samples.values[at(x, y, z)] = 1.0;
+        }
+        let block = samples.values.clone();
+        samples.values[at(9, 9, 9)] = -0.5;
+        samples.values[at(10, 9, 9)] = 0.0;
+        samples.values[at(12, 12, 20)] = 0.5;
+        mend(&mut samples);
+        let outside = |values: &[f32]| values.iter().map(|value| *value <= 0.0).collect::<Vec<bool>>();
+        assert_eq!(outside(&samples.values), outside(&block));
+        // Air that reaches the border of the grid stays, wherever it does.
+        samples.values.fill(1.0);
+        (0..12).for_each(|z| samples.values[at(9, 9, z)] = -1.0);
+        let tunnel = samples.values.clone();
+        mend(&mut samples);
+        assert_eq!(samples.values, tunnel);
+    }
+}

@@ -1,0 +1,5 @@
+//! Solids: from silhouettes, and from closed meshes as voxels.
+
+pub mod carved;
+pub mod hull;
+pub mod voxel;
