@@ -3,9 +3,10 @@
 use super::shared::Shared;
 use super::slot::{Saved, Slot};
 use super::{Frame, Renderer, StageTime};
-use crate::embed::{Decoder, Differentiate, FramePlan, GradientPlan};
 use crate::error::{Error, Result};
 use crate::frame::buffers::{BufferId, Role};
+use crate::frame::decode::Decoder;
+use crate::frame::frame_plan::{Differentiate, FramePlan, GradientPlan};
 use crate::gradients::{GradientRequest, Gradients, ImageGradient};
 use crate::image::Image;
 use crate::scene::Settings;

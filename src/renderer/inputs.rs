@@ -1,8 +1,8 @@
 //! The bytes of a frame's inputs, and which of them changed.
 
 use crate::constants as c;
-use crate::embed::FramePlan;
 use crate::frame::buffers::BufferId;
+use crate::frame::frame_plan::FramePlan;
 use crate::frame::pack::{Changes, MeshShape, MeshTables, camera_texels, light_texels};
 use crate::scene::{Camera, Scene, Settings, Shading};
 

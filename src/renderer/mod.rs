@@ -13,9 +13,11 @@ pub use fragments::{Fragment, Fragments};
 pub use frame::{Frame, FrameCounts, StageTime};
 
 use crate::constants as c;
-use crate::embed::{BufferRequirement, FramePlan, FrameShape, Rasterizer};
 use crate::error::{Error, Result};
+use crate::frame::frame_plan::{BufferRequirement, FramePlan};
 use crate::frame::plan::{Capacity, Rare};
+use crate::frame::rasterizer::Rasterizer;
+use crate::frame::shape::FrameShape;
 use crate::scene::{Camera, Scene, Settings};
 use crate::vulkan::{CacheFolder, Context, ContextOptions, DeviceInfo, DeviceKind, Loader};
 use shared::Shared;

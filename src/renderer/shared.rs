@@ -1,7 +1,7 @@
 //! The device, the kernels and the limit of memory that all frames of a renderer share.
 
-use crate::embed::Rasterizer;
 use crate::error::{Error, Result};
+use crate::frame::rasterizer::Rasterizer;
 use crate::vulkan::Context;
 
 /// The state that all frames of a renderer share.

@@ -4,14 +4,15 @@ use super::frame::StageTime;
 use super::inputs::Inputs;
 use super::shared::Shared;
 use super::upload::Uploads;
-use crate::embed::{
-    BufferRequirement, Differentiate, FrameBindings, FramePlan, FrameShape, GradientBindings, GradientPlan, Status,
-};
 use crate::error::Result;
+use crate::frame::bindings::{FrameBindings, GradientBindings};
 use crate::frame::buffers::{BufferId, BufferSet, Role};
+use crate::frame::frame_plan::{BufferRequirement, Differentiate, FramePlan, GradientPlan};
 use crate::frame::pack::Changes;
 use crate::frame::passes::{BACKWARD_TIMESTAMPS, BackwardStage, FORWARD_TIMESTAMPS, ForwardStage};
 use crate::frame::plan::Rare;
+use crate::frame::shape::FrameShape;
+use crate::frame::status::Status;
 use crate::scene::{Camera, Lights, Scene, Settings};
 use crate::vulkan::{CommandBuffer, Context, TimestampPool};
 use std::sync::Arc;

@@ -1,8 +1,8 @@
 //! Whether a frame's meshes may cross its near and far planes, on which its kernels depend.
 
 use super::INSIDE;
-use crate::embed::FrameShape;
 use crate::frame::plan::DepthSpan;
+use crate::frame::shape::FrameShape;
 use crate::{Camera, Projection, Scene, Settings, shapes};
 use glam::DVec3;
 

@@ -51,7 +51,7 @@ impl Requirements {
     /// Validates a physical device before a device is created on it.
     ///
     /// The needs of a frame for maxStorageBufferRange and maxTexelBufferElements depend on its size;
-    /// [`PassBuilder::build`](super::PassBuilder::build) validates them.
+    /// [`PassBuilder::build`](crate::embed::PassBuilder::build) validates them.
     ///
     /// # Errors
     /// [`Error::NoDevice`] saying what is missing; [`Error::Host`] for null handles.

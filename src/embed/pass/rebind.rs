@@ -1,13 +1,13 @@
 //! Changes of a bound pass: cameras, lights and settings in place, everything else by binding anew.
 
+use super::Pass;
 use super::builder::{Content, PassPlan, View, cutoff_of};
-use super::camera::{CameraMatrices, ClipSpace};
 use super::memory::PassMemory;
-use super::mesh::MeshBuffers;
-use super::pass::Pass;
-use super::shape::FrameShape;
+use crate::embed::host::camera::{CameraMatrices, ClipSpace};
+use crate::embed::host::mesh::MeshBuffers;
 use crate::error::{Error, Result};
 use crate::frame::buffers::BufferId;
+use crate::frame::shape::FrameShape;
 use crate::scene::{Camera, Lights, Projection, Settings};
 
 /// The result of a [`rebind`](Pass::rebind).
@@ -30,12 +30,12 @@ impl Pass {
         Ok(())
     }
 
-    /// Changes the cameras to those of matrices, as [`PassBuilder::camera_matrices`](super::PassBuilder::camera_matrices) takes them;
-    /// near and far are theirs, as [`PassBuilder::planes`](super::PassBuilder::planes) says. The next
+    /// Changes the cameras to those of matrices, as [`PassBuilder::camera_matrices`](crate::embed::PassBuilder::camera_matrices) takes them;
+    /// near and far are theirs, as [`PassBuilder::planes`](crate::embed::PassBuilder::planes) says. The next
     /// [`write_frame`](Self::write_frame) and the next recording use them. Allocates only for an error.
     ///
     /// # Errors
-    /// As [`set_cameras`](Self::set_cameras), and [`HostCamera::new`](super::HostCamera::new).
+    /// As [`set_cameras`](Self::set_cameras), and [`HostCamera::new`](crate::embed::HostCamera::new).
     pub fn set_camera_matrices(&mut self, matrices: &[CameraMatrices], clip: ClipSpace) -> Result<()> {
         let views = matrices.iter().map(|&matrices| View::Matrices(matrices, clip));
         self.plan.set_views(matrices.len(), views)?;
@@ -82,7 +82,7 @@ impl Pass {
     /// written, the setup recorded and images bound again. If it fails, the pass stays as it was.
     ///
     /// # Errors
-    /// As [`Rasterizer::bind_pass`](super::Rasterizer::bind_pass).
+    /// As [`Rasterizer::bind_pass`](crate::embed::Rasterizer::bind_pass).
     pub fn rebind(&mut self, plan: PassPlan, memory: PassMemory<'_>, meshes: &[MeshBuffers]) -> Result<Rebound> {
         let new = self.rasterizer.bind_pass(plan, memory, meshes)?;
         let old = std::mem::replace(self, new);

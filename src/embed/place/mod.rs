@@ -1,20 +1,25 @@
 //! One mesh of a pass bound to the host's buffers: its geometry goes into the frame's arrays, and its gradients come back.
 
-use super::Rasterizer;
-use super::bindings::{FrameBindings, GradientBindings};
-use super::geometry::{IndexFormat, Layout, linear_groups, rows_of};
-use super::mesh::{GeometryGradients, MeshBuffers, MeshLook};
-use super::tables::Placed;
-use super::targets::Floats;
-use super::texels::TexelStep;
-use crate::error::{Error, Result};
+pub mod counts;
+pub mod tables;
+pub mod texels;
+
+use crate::embed::host::geometry::{IndexFormat, Layout, linear_groups, rows_of};
+use crate::embed::host::mesh::{GeometryGradients, MeshBuffers, MeshLook};
+use crate::embed::host::targets::Floats;
+use crate::embed::host::{misfit, validate_made};
+use crate::error::Result;
+use crate::frame::bindings::{FrameBindings, GradientBindings};
 use crate::frame::buffers::BufferId;
 use crate::frame::passes::Stage;
 use crate::frame::pipelines::Request;
+use crate::frame::rasterizer::Rasterizer;
 use crate::vulkan::{BufferPart, BufferRef, DescriptorPool, Kernel, Recorder, TexelFormat, kernels, vk};
+use tables::Placed;
+use texels::TexelStep;
 
 /// A mesh's steps: what is placed once and every frame, and where its gradients go.
-pub(super) struct BoundMesh {
+pub(crate) struct BoundMesh {
     pub setup: Vec<Step>,
     pub texels: Vec<TexelStep>,
     pub vertices: Vec<Step>,
@@ -22,7 +27,7 @@ pub(super) struct BoundMesh {
 }
 
 /// A stage that writes gradients into a host's array.
-pub(super) struct GradientStep {
+pub(crate) struct GradientStep {
     pub step: Step,
     pub by: By,
     pub target: Floats,
@@ -30,7 +35,7 @@ pub(super) struct GradientStep {
 
 /// The input that a gradient is by.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum By {
+pub(crate) enum By {
     Positions,
     Colors,
     Transforms,
@@ -39,7 +44,7 @@ pub(super) enum By {
 /// The numbers of `glsl/common/geometry_push.glsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, bytemuck::Pod, bytemuck::Zeroable)]
-pub(super) struct Push {
+pub(crate) struct Push {
     count: u32,
     draws: u32,
     first: u32,
@@ -53,7 +58,7 @@ pub(super) struct Push {
 }
 
 /// A stage with its numbers.
-pub(super) struct Step {
+pub(crate) struct Step {
     stage: Stage,
     push: Push,
     groups: [u32; 3],
@@ -75,14 +80,14 @@ struct Binder<'a> {
     rasterizer: &'a Rasterizer,
     placed: &'a Placed,
     buffers: &'a MeshBuffers,
-    /// [`Geometry::table`](super::geometry::Geometry::table) on the device.
+    /// [`Geometry::table`](crate::embed::host::geometry::Geometry::table) on the device.
     draws: BufferPart,
     frame: &'a FrameBindings,
 }
 
 impl Rasterizer {
     /// Binds what a mesh is placed from, and where its gradients go. `draws` is its table on the device.
-    pub(super) fn bind_mesh(
+    pub(crate) fn bind_mesh(
         &self,
         placed: &Placed,
         buffers: &MeshBuffers,
@@ -135,7 +140,7 @@ impl Rasterizer {
     }
 
     /// Fails unless a host's buffer can be bound as storage and has this many bytes.
-    pub(super) fn validate_storage(&self, name: &str, at: &BufferRef, needed: u64) -> Result<()> {
+    pub(crate) fn validate_storage(&self, name: &str, at: &BufferRef, needed: u64) -> Result<()> {
         validate_made(name, at, vk::BufferUsageFlags::STORAGE_BUFFER)?;
         let alignment = self.device.limits().storage_offset_alignment;
         if !at.offset().is_multiple_of(alignment) {
@@ -150,7 +155,7 @@ impl Rasterizer {
     }
 
     /// A kernel bound to buffers by the names of its bindings.
-    pub(super) fn stage(
+    pub(crate) fn stage(
         &self,
         kernel: &'static Kernel,
         modes: &[(&'static str, u32)],
@@ -265,7 +270,7 @@ impl Binder<'_> {
         Ok(Step { stage, push, groups: linear_groups(count) })
     }
 
-    /// Binds the arrays that the gradients go into. Each is written, not added to; [`Pass`](super::Pass) sums what meshes share.
+    /// Binds the arrays that the gradients go into. Each is written, not added to; [`Pass`](crate::embed::Pass) sums what meshes share.
     fn gradients(&self, wanted: &GeometryGradients, backward: &GradientBindings) -> Result<Vec<GradientStep>> {
         let planned = backward.wanted;
         let by_position = wanted.positions.is_some() || wanted.transforms.is_some();
@@ -339,21 +344,6 @@ impl Binder<'_> {
         let stage = self.rasterizer.stage(&kernels::PLACE_TRANSFORM_GRAD, &[], &buffers)?;
         Ok(GradientStep { step: Step { stage, push, groups: rows_of(instances) }, by: By::Transforms, target: floats })
     }
-}
-
-pub(super) fn misfit<T>(what: String, fix: &str) -> Result<T> {
-    Err(Error::Host { what, fix: fix.into() })
-}
-
-/// Fails unless a host's buffer is not null and was made for this usage.
-pub(super) fn validate_made(name: &str, at: &BufferRef, usage: vk::BufferUsageFlags) -> Result<()> {
-    if at.raw() == vk::Buffer::null() {
-        return misfit(format!("{name}: the buffer is null"), "give a buffer with memory bound to it");
-    }
-    if !at.usage().contains(usage) {
-        return misfit(format!("{name}: the buffer was made for {:?}", at.usage()), &format!("add {usage:?}"));
-    }
-    Ok(())
 }
 
 #[cfg(test)]

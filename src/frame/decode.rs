@@ -1,8 +1,6 @@
 //! Decoding of a backward pass's buffers into [`Gradients`].
 
-use super::builder::PassPlan;
-use super::pass::Pass;
-use super::plan::{FramePlan, GradientPlan};
+use super::frame_plan::{FramePlan, GradientPlan};
 use crate::constants as c;
 use crate::error::{Error, Result};
 use crate::frame::buffers::BufferId;
@@ -190,59 +188,6 @@ impl Decoder<'_> {
             }
         }
         sums.into_iter().map(|[u, v]| [u as f32, v as f32]).collect()
-    }
-}
-
-impl Pass {
-    /// The gradients in the readback buffer's bytes once the device is done, to be decoded before the next `set_` call: those of
-    /// the buffers that [`PassBuilder::read_back`](super::PassBuilder::read_back) named; all of them after
-    /// [`read_back_gradients`](super::PassBuilder::read_back_gradients). [`BufferId::Totals`] has those by cameras, lights,
-    /// background and scalars, [`BufferId::VertexGradients`] those by positions and colours of each view's placed vertices,
-    /// [`BufferId::TexelSums`] those by texels, [`BufferId::CornerGradients`] those by UVs.
-    ///
-    /// # Errors
-    /// [`Error::Backward`] for a pass without gradients; [`Error::Host`] for fewer bytes than the readback buffer has, or bytes
-    /// that do not begin at a multiple of 4; [`Error::NotFinite`] if a gradient overflows single precision.
-    pub fn decode_gradients(&self, readback: &[u8]) -> Result<Gradients> {
-        let PassPlan { frame, gradients, layouts, settings, tables, cameras, .. } = &self.plan;
-        let Some(plan) = gradients else {
-            let what = "the pass computes no gradients".into();
-            return Err(Error::Backward { what, fix: "plan it with PassBuilder::gradients".into() });
-        };
-        let has = |id| layouts.backward.iter().any(|copy| copy.id == id);
-        let (vertices, totals) = (has(BufferId::VertexGradients), has(BufferId::Totals));
-        let asked = plan.wanted;
-        let wanted = GradientRequest {
-            positions: asked.positions && vertices,
-            colors: asked.colors && vertices,
-            texels: asked.texels && has(BufferId::TexelSums),
-            uvs: asked.uvs && has(BufferId::CornerGradients),
-            camera: asked.camera && totals,
-            lights: asked.lights && totals,
-            background: asked.background && totals,
-            scalars: asked.scalars && totals,
-            ..asked
-        };
-        let uv_indices = tables.segments.iter().filter(|segment| segment.id == BufferId::UvIndices);
-        let tables = MeshTables {
-            layouts: frame.layouts.clone(),
-            shapes: frame.shape.meshes.clone(),
-            images: tables.images.clone(),
-            uv_indices: uv_indices.flat_map(|s| s.bytes.as_chunks().0).map(|&word| u32::from_ne_bytes(word)).collect(),
-            ..MeshTables::default()
-        };
-        let cameras: Vec<Camera> = cameras.iter().map(|view| view.camera).collect();
-        let (wanted, lights) = (&wanted, &frame.shape.lights);
-        let decoder = Decoder { frame, plan, wanted, tables: &tables, cameras: &cameras, settings, lights };
-        decoder.decode_floats(&|id, count| {
-            let part = self.plan.readback_part(id).map(|(at, size)| at as usize..(at + size) as usize);
-            let fail = |what: String| Err(Error::Host { what, fix: "give the whole readback buffer".into() });
-            match part.and_then(|part| readback.get(part)?.get(..4 * count)).map(bytemuck::try_cast_slice) {
-                None => fail(format!("{} bytes, of which `{id}` lies beyond the last", readback.len())),
-                Some(Err(error)) => fail(format!("the bytes of `{id}`: {error}")),
-                Some(Ok(floats)) => Ok(floats),
-            }
-        })
     }
 }
 

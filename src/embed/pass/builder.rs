@@ -1,16 +1,16 @@
 //! Plans a pass from a host's counts and settings. It needs no memory, so a host can ask before it allocates any.
 
-use super::Rasterizer;
-use super::camera::{CameraMatrices, ClipSpace, HostCamera};
 use super::memory::{Layouts, MemoryKind, MemoryRequirement, Wishes};
-use super::mesh::PassMesh;
-use super::plan::{BufferRequirement, Differentiate, FramePlan, GradientPlan};
-use super::shape::FrameShape;
-use super::status::Status;
-use super::tables::Tables;
+use crate::embed::host::camera::{CameraMatrices, ClipSpace, HostCamera};
+use crate::embed::host::mesh::PassMesh;
+use crate::embed::place::tables::Tables;
 use crate::error::{Error, Result};
 use crate::frame::buffers::BufferId;
+use crate::frame::frame_plan::{BufferRequirement, Differentiate, FramePlan, GradientPlan};
 use crate::frame::plan::{Capacity, DepthSpan};
+use crate::frame::rasterizer::Rasterizer;
+use crate::frame::shape::FrameShape;
+use crate::frame::status::Status;
 use crate::gradients::GradientRequest;
 use crate::scene::{Background, Camera, Lights, Outputs, Projection, Scene, Settings, Shading, Support};
 use crate::vulkan::{BufferRef, DeviceKind, Limits, vk};
@@ -22,17 +22,17 @@ use std::sync::Arc;
 pub struct PassBuilder {
     limits: Limits,
     kind: DeviceKind,
-    pub(super) content: Content,
+    pub(crate) content: Content,
     /// The tables of the content, if they were made already.
     tables: Option<Arc<Tables>>,
-    pub(super) settings: Settings,
-    pub(super) views: Vec<View>,
-    pub(super) planes: Option<[f64; 2]>,
+    pub(crate) settings: Settings,
+    pub(crate) views: Vec<View>,
+    pub(crate) planes: Option<[f64; 2]>,
     inside_planes: bool,
     lights: Lights,
-    pub(super) wanted: Option<GradientRequest>,
+    pub(crate) wanted: Option<GradientRequest>,
     upstream: Option<Outputs>,
-    pub(super) largest_upstream: f64,
+    pub(crate) largest_upstream: f64,
     capacity: Option<Capacity>,
     alignment: u64,
     usages: [vk::BufferUsageFlags; 3],
@@ -44,7 +44,7 @@ pub struct PassBuilder {
 
 /// The meshes to draw.
 #[derive(Clone, Debug)]
-pub(super) enum Content {
+pub(crate) enum Content {
     /// A host's meshes: all of them in every view or, if `separate`, one for each view.
     Meshes { meshes: Vec<PassMesh>, separate: bool },
     /// A scene in the host's memory.
@@ -53,14 +53,14 @@ pub(super) enum Content {
 
 /// A camera as it was given.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum View {
+pub(crate) enum View {
     Camera(Camera),
     Matrices(CameraMatrices, ClipSpace),
 }
 
 /// A camera as softras renders with it, and the host's own projection if it gave one.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct ViewCamera {
+pub(crate) struct ViewCamera {
     pub camera: Camera,
     pub host: Option<HostCamera>,
 }
@@ -68,13 +68,13 @@ pub(super) struct ViewCamera {
 /// Everything that binding and recording a pass needs to know.
 #[derive(Clone, Debug)]
 pub struct PassPlan {
-    pub(super) builder: PassBuilder,
-    pub(super) frame: FramePlan,
-    pub(super) gradients: Option<GradientPlan>,
-    pub(super) settings: Settings,
-    pub(super) cameras: Vec<ViewCamera>,
-    pub(super) tables: Arc<Tables>,
-    pub(super) layouts: Layouts,
+    pub(crate) builder: PassBuilder,
+    pub(crate) frame: FramePlan,
+    pub(crate) gradients: Option<GradientPlan>,
+    pub(crate) settings: Settings,
+    pub(crate) cameras: Vec<ViewCamera>,
+    pub(crate) tables: Arc<Tables>,
+    pub(crate) layouts: Layouts,
 }
 
 impl Rasterizer {
@@ -83,8 +83,8 @@ impl Rasterizer {
         self.builder(Content::Meshes { meshes: meshes.to_vec(), separate: false }, Lights::unlit())
     }
 
-    /// Begins the plan of a pass over a scene in the host's memory, with its lights. [`Pass::write_inputs`](super::Pass::write_inputs)
-    /// uploads its meshes, and it is bound with no [`MeshBuffers`](super::MeshBuffers). Whether triangles cross the near or the far
+    /// Begins the plan of a pass over a scene in the host's memory, with its lights. [`Pass::write_inputs`](crate::embed::Pass::write_inputs)
+    /// uploads its meshes, and it is bound with no [`MeshBuffers`](crate::embed::MeshBuffers). Whether triangles cross the near or the far
     /// plane is found out from the scene.
     pub fn scene_pass(&self, scene: &Scene) -> PassBuilder {
         self.builder(Content::Scene(Arc::new(scene.clone())), scene.lights.clone())
@@ -134,7 +134,7 @@ impl PassBuilder {
     }
 
     /// Only the device knows how many triangles are drawn: the meshes' own counts are upper bounds, and
-    /// [`Pass::bind_counts`](super::Pass::bind_counts) says where the numbers lie. Each view sees one mesh, drawn once.
+    /// [`Pass::bind_counts`](crate::embed::Pass::bind_counts) says where the numbers lie. Each view sees one mesh, drawn once.
     pub fn device_counts(mut self) -> Self {
         self.device_counts = true;
         self
@@ -233,7 +233,7 @@ impl PassBuilder {
         self
     }
 
-    /// Buffers that the host makes and binds apart ([`PassMemory::own`](super::PassMemory::own)), for hosts that track whole
+    /// Buffers that the host makes and binds apart ([`PassMemory::own`](crate::embed::PassMemory::own)), for hosts that track whole
     /// buffers: wgpu refuses a kernel that reads `color` and writes `upstream_color` of one buffer.
     pub fn own_buffers(mut self, buffers: &[BufferId]) -> Self {
         self.own = buffers.to_vec();
@@ -246,7 +246,7 @@ impl PassBuilder {
         self
     }
 
-    /// Everything that [`Pass::decode_gradients`](super::Pass::decode_gradients) decodes is copied into the readback buffer.
+    /// Everything that [`Pass::decode_gradients`](crate::embed::Pass::decode_gradients) decodes is copied into the readback buffer.
     pub fn read_back_gradients(mut self) -> Self {
         self.read_back_gradients = true;
         self
@@ -287,7 +287,7 @@ impl PassBuilder {
     }
 
     /// The settings that a frame is rendered with: those that the user gave, with near and far as [`planes`](Self::planes) says.
-    pub(super) fn resolved(&self, given: &Settings, cameras: impl Iterator<Item = ViewCamera>) -> Result<Settings> {
+    pub(crate) fn resolved(&self, given: &Settings, cameras: impl Iterator<Item = ViewCamera>) -> Result<Settings> {
         let mut settings = given.clone();
         settings.save |= self.wanted.is_some();
         let Some([near, far]) = self.planes.or_else(|| cameras.filter_map(|view| view.planes()).reduce(widest)) else {
@@ -382,7 +382,7 @@ fn widest(planes: [f64; 2], more: [f64; 2]) -> [f64; 2] {
 }
 
 /// The support that the settings promise, whatever the depths between near and far.
-pub(super) fn cutoff_of(settings: &Settings) -> f64 {
+pub(crate) fn cutoff_of(settings: &Settings) -> f64 {
     let Outputs { color, depth, normal, .. } = settings.outputs;
     if settings.support == Support::Probability || !(color || depth || normal) {
         return settings.cutoff();
@@ -422,9 +422,9 @@ impl PassPlan {
         copies.find(|copy| copy.id == id).map(|copy| (copy.mapped, copy.size))
     }
 
-    /// The part of the upload buffer that [`Pass::write_frame`](super::Pass::write_frame) writes, from its beginning: cameras and
+    /// The part of the upload buffer that [`Pass::write_frame`](crate::embed::Pass::write_frame) writes, from its beginning: cameras and
     /// lights, in bytes. A host that does not wait for the frames in flight calls it with bytes of its own and records a copy of
-    /// that many into the upload buffer, before [`record_forward`](super::Pass::record_forward).
+    /// that many into the upload buffer, before [`record_forward`](crate::embed::Pass::record_forward).
     pub fn frame_bytes(&self) -> u64 {
         self.layouts.frame.iter().map(|copy| copy.mapped + copy.size).max().unwrap_or(0)
     }
@@ -500,13 +500,13 @@ pub enum PassStatus {
     /// Its images and gradients are valid, and its lists had room.
     Whole,
     /// Its images and gradients are valid, but some of its lists had no room, so that it took longer. A plan with this
-    /// [`capacity`](PassBuilder::capacity) is faster: [`PassPlan::next_plan`] makes it, [`rebind`](super::Pass::rebind) binds it.
+    /// [`capacity`](PassBuilder::capacity) is faster: [`PassPlan::next_plan`] makes it, [`rebind`](crate::embed::Pass::rebind) binds it.
     Grow(Capacity),
 }
 
 impl PassStatus {
     /// Where in the `status` buffer the word lies that tells the device itself, a 32-bit unsigned integer: 1 once
-    /// [`Pass::record_backward`](super::Pass::record_backward) has found every vertex of the frame to be finite, else 0. Every
+    /// [`Pass::record_backward`](crate::embed::Pass::record_backward) has found every vertex of the frame to be finite, else 0. Every
     /// gradient of a frame with 0 is zero; an optimiser on the device that has momentum should step only where the word is 1.
     pub const WHOLE_OFFSET: u64 = 4 * crate::constants::STATUS_WHOLE as u64;
 }

@@ -1,6 +1,6 @@
 //! The status of a frame, as its kernels report it.
 
-use super::plan::FramePlan;
+use super::frame_plan::FramePlan;
 use crate::constants as c;
 use crate::error::{Error, Result};
 use crate::frame::plan::{Capacity, Rare};

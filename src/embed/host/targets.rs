@@ -5,7 +5,7 @@ use crate::vulkan::{BufferRef, vk};
 
 /// The floats of a host's array: what a step writes, or reads.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Floats {
+pub(crate) struct Floats {
     buffer: vk::Buffer,
     /// Bytes from the VkBuffer's start to the first element's floats, and behind the last one's.
     start: u64,
@@ -17,7 +17,7 @@ pub(super) struct Floats {
 
 /// The overlap of two arrays.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Overlap {
+pub(crate) enum Overlap {
     /// Nothing.
     None,
     /// Elements coincide: they are the same array, or parts of one.

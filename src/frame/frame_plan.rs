@@ -33,7 +33,7 @@ pub struct BufferRequirement {
 pub struct FramePlan {
     pub(crate) forward: ForwardPlan,
     pub(crate) shape: FrameShape,
-    pub(super) layouts: Vec<MeshLayout>,
+    pub(crate) layouts: Vec<MeshLayout>,
     tables: TableLengths,
     buffers: Vec<BufferRequirement>,
     pub(crate) capacity: Capacity,
@@ -60,10 +60,10 @@ pub struct GradientPlan {
     pub(crate) backward: BackwardPlan,
     buffers: Vec<BufferRequirement>,
     /// Bytes of the frame's buffers.
-    pub(super) frame_sizes: Sizes,
-    pub(super) wanted: GradientRequest,
+    pub(crate) frame_sizes: Sizes,
+    pub(crate) wanted: GradientRequest,
     /// [`FrameShape::device_counts`] of the frame.
-    pub(super) device_counts: bool,
+    pub(crate) device_counts: bool,
 }
 
 fn requirement(limits: &Limits, id: BufferId, size: u64) -> Result<BufferRequirement> {
@@ -153,7 +153,7 @@ impl FramePlan {
     }
 
     /// Plans a frame as [`new`](Self::new) does, with a choice of the rarely needed kernels. The others are neither compiled nor
-    /// recorded; [`Status::next`](super::Status::next) says whether the frame is complete without them.
+    /// recorded; [`Status::next`](crate::embed::Status::next) says whether the frame is complete without them.
     pub(crate) fn of(
         limits: &Limits,
         kind: DeviceKind,
@@ -195,7 +195,7 @@ impl FramePlan {
     ///
     /// # Errors
     /// [`Error::Host`] where these need other kernels.
-    pub(super) fn push_with(&self, settings: &Settings, cutoff: f64, lights: &Lights) -> Result<FramePush> {
+    pub(crate) fn push_with(&self, settings: &Settings, cutoff: f64, lights: &Lights) -> Result<FramePush> {
         settings.validate()?;
         validate_cutoff(cutoff)?;
         let push = self.forward.push_with(&PlanInput {
@@ -234,7 +234,7 @@ impl FramePlan {
         (self.forward.push.width, self.forward.push.height)
     }
 
-    pub(super) fn background(&self) -> [f32; 3] {
+    pub(crate) fn background(&self) -> [f32; 3] {
         let push = &self.forward.push;
         [push.background_red, push.background_green, push.background_blue]
     }
@@ -244,7 +244,7 @@ impl FramePlan {
         self.shape.views
     }
 
-    pub(super) fn has_silhouette(&self) -> bool {
+    pub(crate) fn has_silhouette(&self) -> bool {
         self.forward.modes.outputs & crate::constants::OUTPUT_SILHOUETTE != 0
     }
 
@@ -283,7 +283,7 @@ impl FramePlan {
     }
 
     /// A capacity as this frame's device can bind it.
-    pub(super) fn within_limits(&self, capacity: Capacity) -> Capacity {
+    pub(crate) fn within_limits(&self, capacity: Capacity) -> Capacity {
         let records = self.shape.view_sizes().iter().map(|view| 2 * u64::from(view.triangles)).sum();
         capacity.within(largest_buffer(&self.limits), records)
     }
@@ -337,7 +337,7 @@ impl GradientPlan {
     }
 
     /// Takes over changed push constants and lights of the frame.
-    pub(super) fn set_push(&mut self, push: FramePush, frame: &FramePlan, lights: &Lights, largest_upstream: f64) {
+    pub(crate) fn set_push(&mut self, push: FramePush, frame: &FramePlan, lights: &Lights, largest_upstream: f64) {
         let texel_scale = texel_scale(&frame.forward, lights, largest_upstream);
         self.backward.push = FramePush { texel_scale, ..push };
     }

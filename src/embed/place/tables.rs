@@ -1,8 +1,8 @@
 //! A pass's meshes as the frame's arrays hold them: counts, places, and the tables that the host uploads once.
 
-use super::geometry::Geometry;
-use super::mesh::{MeshLook, PassMesh};
 use crate::constants as c;
+use crate::embed::host::geometry::Geometry;
+use crate::embed::host::mesh::{MeshLook, PassMesh};
 use crate::error::{Error, Result};
 use crate::frame::buffers::BufferId;
 use crate::frame::pack::{AppearanceShape, MeshShape, MeshTables, push_adjacency};
@@ -10,7 +10,7 @@ use crate::scene::{Scene, Texture, Wrap};
 
 /// Bytes that go from the upload buffer into one of the frame's.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Segment {
+pub(crate) struct Segment {
     pub id: BufferId,
     /// Where they begin in it.
     pub at: u64,
@@ -19,7 +19,7 @@ pub(super) struct Segment {
 
 /// Where one mesh of the host lies in the frame's arrays.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Placed {
+pub(crate) struct Placed {
     /// Its draws, with the first vertex and triangle that they are placed at.
     pub geometry: Geometry,
     /// The first entry of `colors`, in colours; of `uvs`, in pairs; of `uv_indices`, in triangles.
@@ -33,7 +33,7 @@ pub(super) struct Placed {
 
 /// All meshes of a pass.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct Tables {
+pub(crate) struct Tables {
     /// Whether they have an adjacency.
     pub adjacency: bool,
     pub shapes: Vec<MeshShape>,

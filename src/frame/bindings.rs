@@ -1,6 +1,6 @@
 //! Buffers bound to a frame's kernels, before recording, so that recording does not allocate.
 
-use super::plan::{BufferRequirement, FramePlan, GradientPlan};
+use super::frame_plan::{BufferRequirement, FramePlan, GradientPlan};
 use crate::error::{Error, Result};
 use crate::frame::buffers::{BufferId, Parts, Sizes, UNUSED_SIZE};
 use crate::frame::passes::{BACKWARD_COUNT, BackwardStages, FORWARD_COUNT, ForwardStages};
@@ -13,33 +13,33 @@ use std::sync::Arc;
 /// two of them with different buffers; inputs that are not written meanwhile may be shared.
 ///
 /// Keep it and the buffers until every command buffer that it was recorded into has been executed for the last time or
-/// freed. Drop it before the device; it may be dropped before or after its [`Rasterizer`](super::Rasterizer).
+/// freed. Drop it before the device; it may be dropped before or after its [`Rasterizer`](crate::embed::Rasterizer).
 pub struct FrameBindings {
-    pub(super) stages: ForwardStages,
-    pub(super) status: BufferPart,
-    pub(super) bin_bits: BufferPart,
-    pub(super) tile_counts: BufferPart,
+    pub(crate) stages: ForwardStages,
+    pub(crate) status: BufferPart,
+    pub(crate) bin_bits: BufferPart,
+    pub(crate) tile_counts: BufferPart,
     /// The modes and the lanes of bin_coarse that its kernels were compiled for, and which of the rare ones there are.
     kernels: (Modes, u32, Rare),
     /// Whether the kernel of tiles without lists was compiled.
     walks: bool,
     /// Bytes bound.
     ranges: Sizes,
-    pub(super) parts: Parts,
+    pub(crate) parts: Parts,
     /// Tells these bindings from all others.
-    pub(super) identity: Arc<()>,
+    pub(crate) identity: Arc<()>,
 }
 
 /// One frame's buffers bound to the backward kernels. Keep it, and its [`FrameBindings`], as long as the latter say.
 pub struct GradientBindings {
-    pub(super) stages: BackwardStages,
-    pub(super) texel_sums: BufferPart,
-    pub(super) item_counts: BufferPart,
-    pub(super) tile_counts: BufferPart,
-    pub(super) vertex_gradients: BufferPart,
-    pub(super) wanted: GradientRequest,
+    pub(crate) stages: BackwardStages,
+    pub(crate) texel_sums: BufferPart,
+    pub(crate) item_counts: BufferPart,
+    pub(crate) tile_counts: BufferPart,
+    pub(crate) vertex_gradients: BufferPart,
+    pub(crate) wanted: GradientRequest,
     /// The buffers that are cleared first if only the device knows how many triangles there are.
-    pub(super) cleared: Vec<BufferPart>,
+    pub(crate) cleared: Vec<BufferPart>,
     /// The modes that its kernels were compiled for, and whether those for large boxes are there.
     kernels: (Modes, bool),
     ranges: Sizes,
@@ -47,7 +47,7 @@ pub struct GradientBindings {
 }
 
 /// The host's buffers, each validated against its requirement.
-pub(super) fn parts_of_host(
+pub(crate) fn parts_of_host(
     device: &Device,
     required: &[BufferRequirement],
     given: &[(BufferId, BufferRef)],
@@ -145,7 +145,7 @@ fn kernels_of(plan: &FramePlan) -> (Modes, u32, Rare) {
 }
 
 impl FrameBindings {
-    pub(super) fn new(
+    pub(crate) fn new(
         device: &Device,
         pipelines: [Pipeline; FORWARD_COUNT],
         plan: &FramePlan,
@@ -166,7 +166,7 @@ impl FrameBindings {
     }
 
     /// One of the frame's buffers.
-    pub(super) fn array(&self, id: BufferId) -> Result<&BufferPart> {
+    pub(crate) fn array(&self, id: BufferId) -> Result<&BufferPart> {
         get(&self.parts, id)
     }
 
@@ -185,7 +185,7 @@ impl FrameBindings {
 }
 
 impl GradientBindings {
-    pub(super) fn new(
+    pub(crate) fn new(
         device: &Device,
         pipelines: [Pipeline; BACKWARD_COUNT],
         plan: &GradientPlan,

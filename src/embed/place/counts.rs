@@ -1,13 +1,13 @@
 //! Triangle counts that only the device knows.
 
-use super::Rasterizer;
-use super::bindings::FrameBindings;
-use super::place::misfit;
-use super::plan::FramePlan;
 use crate::constants as c;
+use crate::embed::host::misfit;
 use crate::error::Result;
+use crate::frame::bindings::FrameBindings;
 use crate::frame::buffers::BufferId;
+use crate::frame::frame_plan::FramePlan;
 use crate::frame::passes::Stage;
+use crate::frame::rasterizer::Rasterizer;
 use crate::vulkan::{BufferPart, BufferRef, Recorder, kernels};
 
 /// Words of a host's buffer that say how many triangles of each view's mesh are drawn: the first ones of its indices.
@@ -22,7 +22,7 @@ pub struct Counts {
 }
 
 /// Counts bound to a frame.
-pub(super) struct CountStep {
+pub(crate) struct CountStep {
     source: BufferRef,
     stage: Stage,
     push: Push,

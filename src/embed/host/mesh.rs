@@ -10,10 +10,10 @@ use std::sync::Arc;
 /// One of a host's meshes: which of its vertices and indices are drawn, and what colours them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PassMesh {
-    pub(super) geometry: Geometry,
-    pub(super) indices: Arc<[u32]>,
-    pub(super) look: MeshLook,
-    pub(super) has_normals: bool,
+    pub(crate) geometry: Geometry,
+    pub(crate) indices: Arc<[u32]>,
+    pub(crate) look: MeshLook,
+    pub(crate) has_normals: bool,
 }
 
 /// The colour of a mesh: one for all of it, one for each vertex, or a texture.
@@ -51,7 +51,7 @@ pub struct MeshBuffers {
     /// have the same triangles at each vertex. One beyond its draw's vertices counts as the last of them.
     pub indices: Option<(BufferRef, IndexFormat)>,
     /// The texture's texels; `None` where a kernel of the host's writes its part of `texels`
-    /// ([`Pass::texels`](super::Pass::texels)).
+    /// ([`Pass::texels`](crate::embed::Pass::texels)).
     pub texels: Option<TexelSource>,
     /// Where the gradients go, in layouts of the host's.
     pub gradients: GeometryGradients,
@@ -117,13 +117,13 @@ impl PassMesh {
         Self { look, ..self }
     }
 
-    /// Gives the mesh the host's vertex normals for smooth shading, which its kernels write into [`Pass::normals`](super::Pass::normals).
+    /// Gives the mesh the host's vertex normals for smooth shading, which its kernels write into [`Pass::normals`](crate::embed::Pass::normals).
     pub fn with_normals(self) -> Self {
         Self { has_normals: true, ..self }
     }
 
     /// The three vertices of every placed triangle, counted from `base`.
-    pub(super) fn placed_triangles(&self, mesh: usize, base: u32) -> Result<Vec<[u32; 3]>> {
+    pub(crate) fn placed_triangles(&self, mesh: usize, base: u32) -> Result<Vec<[u32; 3]>> {
         let read = self.geometry.source_indices();
         if read > self.indices.len() as u64 {
             let what = format!("there are {} indices, and draws read {read}", self.indices.len());
@@ -155,7 +155,7 @@ fn bad_index<T>(mesh: usize, corner: usize, what: String) -> Result<T> {
 
 impl MeshBuffers {
     /// The arrays that are read, as far as draws read them.
-    pub(super) fn sources(&self, geometry: &Geometry) -> impl Iterator<Item = Floats> {
+    pub(crate) fn sources(&self, geometry: &Geometry) -> impl Iterator<Item = Floats> {
         let (first, end) = geometry.source_vertices();
         let vertices = move |array: (BufferRef, Layout), floats| Floats::new(&array, first, end - first, floats);
         let transforms = self.transforms.map(|array| Floats::new(&array, 0, geometry.instances(), 12));

@@ -31,7 +31,7 @@ pub struct FrameShape {
     /// its status says what it needed.
     pub capacity: Option<Capacity>,
     /// Whether only the device knows how many triangles are drawn; the counts of the meshes are then upper bounds. See
-    /// [`Counts`](super::Counts).
+    /// [`Counts`](crate::embed::Counts).
     pub device_counts: bool,
 }
 
@@ -72,11 +72,11 @@ impl FrameShape {
     }
 
     /// The most corners of one mesh's triangles that share a vertex.
-    pub(super) fn most_corners(&self) -> u32 {
+    pub(crate) fn most_corners(&self) -> u32 {
         self.meshes.iter().map(|mesh| mesh.most_corners).max().unwrap_or(0)
     }
 
-    pub(super) fn sampling(&self) -> Sampling {
+    pub(crate) fn sampling(&self) -> Sampling {
         let any = |f: fn(&AppearanceShape) -> bool| self.meshes.iter().any(|m| f(&m.appearance));
         let surface = any(|a| matches!(a, AppearanceShape::Surface { .. }));
         let image = any(|a| matches!(a, AppearanceShape::Textured { .. }));
@@ -86,12 +86,12 @@ impl FrameShape {
     }
 
     /// Vertices of all meshes.
-    pub(super) fn vertices(&self) -> u64 {
+    pub(crate) fn vertices(&self) -> u64 {
         self.meshes.iter().map(|m| u64::from(m.vertices)).sum()
     }
 
     /// UV pairs of all meshes.
-    pub(super) fn uvs(&self) -> u64 {
+    pub(crate) fn uvs(&self) -> u64 {
         let uvs = |mesh: &MeshShape| match mesh.appearance {
             AppearanceShape::Textured { uvs, .. } => uvs.into(),
             _ => 0,
@@ -100,7 +100,7 @@ impl FrameShape {
     }
 
     /// Texels of all meshes, the white one for plain meshes among them. Saturates, since this validates a host's counts.
-    pub(super) fn texels(&self) -> u64 {
+    pub(crate) fn texels(&self) -> u64 {
         let white = u64::from(!self.meshes.iter().all(MeshShape::is_plain));
         self.meshes.iter().map(MeshShape::texels).fold(white, u64::saturating_add)
     }

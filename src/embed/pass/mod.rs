@@ -1,20 +1,27 @@
 //! A pass: everything that a host binds once and records every frame.
 
-use super::Rasterizer;
-use super::bindings::{FrameBindings, GradientBindings, parts_of_host};
-use super::builder::{PassPlan, PassStatus};
-use super::counts::{CountStep, Counts};
-use super::memory::{Copy, PassMemory};
-use super::mesh::{GeometryGradients, MeshBuffers, TexelSource};
-use super::place::{By, GradientStep, Step, misfit};
-use super::targets::{Floats, Overlap};
-use super::texels::TexelStep;
+pub mod builder;
+mod gradients;
+pub mod memory;
+pub mod rebind;
+pub mod store;
+
 use crate::constants as c;
+use crate::embed::host::mesh::{GeometryGradients, MeshBuffers, MeshLook, TexelSource};
+use crate::embed::host::misfit;
+use crate::embed::host::targets::{Floats, Overlap};
+use crate::embed::place::counts::{CountStep, Counts};
+use crate::embed::place::texels::TexelStep;
+use crate::embed::place::{By, GradientStep, Step};
 use crate::error::{Error, Result};
+use crate::frame::bindings::{FrameBindings, GradientBindings, parts_of_host};
 use crate::frame::buffers::BufferId;
 use crate::frame::pack::{camera_texels, light_texels};
 use crate::frame::passes::{BackwardStage, ForwardStage};
+use crate::frame::rasterizer::Rasterizer;
 use crate::vulkan::{BufferPart, BufferRef, HostCommands, Recorder, vk};
+use builder::{PassPlan, PassStatus};
+use memory::{Copy, PassMemory};
 use std::sync::atomic::{AtomicU8, Ordering};
 
 /// A plan bound to a host's buffers. Two frames in flight take two of them, with memory of their own; the meshes' buffers may
@@ -23,11 +30,11 @@ use std::sync::atomic::{AtomicU8, Ordering};
 /// Keep it, and the buffers, until every command buffer that it was recorded into has been executed for the last time or
 /// thrown away; then drop it, before the device.
 pub struct Pass {
-    pub(super) rasterizer: Rasterizer,
-    pub(super) plan: PassPlan,
-    pub(super) frame: FrameBindings,
-    pub(super) gradients: Option<GradientBindings>,
-    pub(super) buffers: Vec<(BufferId, BufferRef)>,
+    pub(crate) rasterizer: Rasterizer,
+    pub(crate) plan: PassPlan,
+    pub(crate) frame: FrameBindings,
+    pub(crate) gradients: Option<GradientBindings>,
+    pub(crate) buffers: Vec<(BufferId, BufferRef)>,
     memory: [BufferRef; 3],
     meshes: Vec<MeshBuffers>,
     upload: BufferPart,
@@ -184,16 +191,16 @@ impl Pass {
     }
 
     /// The part of `texels` that a mesh's texture is: four floats a texel, row 0 at the top. A host that gives no
-    /// [`TexelSource`](super::TexelSource) writes it with a kernel of its own. Its offset is a multiple of 16, which need not be one of
+    /// [`TexelSource`](crate::embed::TexelSource) writes it with a kernel of its own. Its offset is a multiple of 16, which need not be one of
     /// minStorageBufferOffsetAlignment: bind the whole [`buffer`](Self::buffer) then, and give the kernel the offset.
     pub fn texels(&self, mesh: usize) -> Option<BufferRef> {
         let placed = self.plan.tables.placed.get(mesh)?;
-        let super::MeshLook::Texture { size: (width, height), .. } = placed.look else { return None };
+        let MeshLook::Texture { size: (width, height), .. } = placed.look else { return None };
         let at = self.buffer(BufferId::Texels)?;
         at.part(16 * u64::from(placed.texel), 16 * u64::from(width) * u64::from(height)).ok()
     }
 
-    /// The part of `vertex_normals` that a mesh planned [`with_normals`](super::PassMesh::with_normals) has: three floats, of unit
+    /// The part of `vertex_normals` that a mesh planned [`with_normals`](crate::embed::PassMesh::with_normals) has: three floats, of unit
     /// length, for each of its vertices as they are placed. A kernel of the host's writes it, behind the setup. Its offset is a
     /// multiple of 4; see [`texels`](Self::texels).
     pub fn normals(&self, mesh: usize) -> Option<BufferRef> {
@@ -249,7 +256,7 @@ impl Pass {
         uses
     }
 
-    /// Binds the counts of a pass planned with [`PassBuilder::device_counts`](super::PassBuilder::device_counts), which every frame
+    /// Binds the counts of a pass planned with [`PassBuilder::device_counts`](crate::embed::PassBuilder::device_counts), which every frame
     /// recorded from now on reads. Commands that were recorded with other counts must have been executed.
     ///
     /// # Errors
@@ -364,7 +371,7 @@ impl Pass {
     }
 
     /// Gradients need a frame that was recorded with the present numbers, so a new one must be recorded first.
-    pub(super) fn forget_frame(&mut self) {
+    pub(crate) fn forget_frame(&mut self) {
         let recorded = self.recorded.get_mut();
         *recorded = (*recorded).min(SETUP);
     }

@@ -1,18 +1,18 @@
 //! How a texture's texels come into the frame's `texels`.
 
-use super::Rasterizer;
-use super::bindings::FrameBindings;
-use super::geometry::linear_groups;
-use super::mesh::TexelSource;
-use super::place::{misfit, validate_made};
+use crate::embed::host::geometry::linear_groups;
+use crate::embed::host::mesh::TexelSource;
+use crate::embed::host::{misfit, validate_made};
 use crate::error::Result;
+use crate::frame::bindings::FrameBindings;
 use crate::frame::buffers::BufferId;
 use crate::frame::passes::Stage;
 use crate::frame::pipelines::Request;
+use crate::frame::rasterizer::Rasterizer;
 use crate::vulkan::{BufferPart, DescriptorPool, Recorder, TextureRef, kernels, vk};
 
 /// A step that fills a texture's part of `texels`.
-pub(super) enum TexelStep {
+pub(crate) enum TexelStep {
     /// A kernel writes it.
     Place { stage: Stage, push: [u32; 4], groups: [u32; 3] },
     /// The texels are copied as they are.

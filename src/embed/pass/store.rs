@@ -1,13 +1,13 @@
 //! Stores a frame's images into a host's images, by a kernel that writes texels.
 
-use super::builder::PassPlan;
-use super::camera::DepthMap;
-use super::pass::Pass;
-use super::place::misfit;
-use super::plan::FramePlan;
 use crate::constants as c;
+use crate::embed::host::camera::DepthMap;
+use crate::embed::host::misfit;
+use crate::embed::pass::Pass;
+use crate::embed::pass::builder::PassPlan;
 use crate::error::Result;
 use crate::frame::buffers::BufferId;
+use crate::frame::frame_plan::FramePlan;
 use crate::frame::passes::Stage;
 use crate::frame::pipelines::Request;
 use crate::vulkan::{DescriptorPool, HostCommands, ImageFormat, ImageRef, Kernel, Recorder, kernels};
@@ -36,7 +36,7 @@ pub enum FrameImage {
     /// Σ w z in world units. Into one channel.
     Depth,
     /// The values of a host's depth buffer: the mean view depth of the triangles by the host's own projection, in a pass that
-    /// was planned with [`camera_matrices`](super::PassBuilder::camera_matrices). Into one channel.
+    /// was planned with [`camera_matrices`](crate::embed::PassBuilder::camera_matrices). Into one channel.
     DepthBuffer {
         /// Pixels of a smaller silhouette get the value farthest away, as if nothing were drawn.
         least_silhouette: f32,
@@ -138,7 +138,7 @@ impl Pass {
     /// # Errors
     /// [`Error::Host`](crate::Error::Host) for an image or a view that the pass does not have, another size, or a
     /// format with another number of channels; otherwise as
-    /// [`Rasterizer::prepare_pass`](super::Rasterizer::prepare_pass).
+    /// [`Rasterizer::prepare_pass`](crate::embed::Rasterizer::prepare_pass).
     pub fn bind_image(&self, image: FrameImage, view: u32, target: &ImageRef) -> Result<ImageBindings> {
         let Self { rasterizer, plan: PassPlan { frame: plan, .. }, frame, .. } = self;
         let (id, component) = image.place(plan);

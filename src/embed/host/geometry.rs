@@ -38,7 +38,7 @@ pub enum IndexFormat {
 }
 
 impl IndexFormat {
-    pub(super) fn bits(self) -> u32 {
+    pub(crate) fn bits(self) -> u32 {
         match self {
             Self::Uint16 => 16,
             Self::Uint32 => 32,
@@ -49,7 +49,7 @@ impl IndexFormat {
 /// The draws that make one mesh of a frame, or a part of one. Its vertices and triangles are those of the draws, in
 /// order, each draw repeated for each of its instances.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub(super) struct Geometry {
+pub(crate) struct Geometry {
     draws: Vec<Draw>,
     /// Where it begins in the frame's `positions`, in vertices; 0 unless other geometry or other meshes come before.
     pub first_vertex: u32,
@@ -138,12 +138,12 @@ impl Geometry {
 }
 
 /// The workgroups of 64 invocations for `count` elements, in rows as [`rows_of`] makes them.
-pub(super) fn linear_groups(count: u32) -> [u32; 3] {
+pub(crate) fn linear_groups(count: u32) -> [u32; 3] {
     rows_of(count.div_ceil(c::LINEAR_GROUP))
 }
 
 /// Workgroups in rows, since one row may be too long.
-pub(super) fn rows_of(groups: u32) -> [u32; 3] {
+pub(crate) fn rows_of(groups: u32) -> [u32; 3] {
     [groups.min(c::FORWARD_ROW), groups.div_ceil(c::FORWARD_ROW), 1]
 }
 

@@ -1,9 +1,9 @@
 //! The three buffers of a pass: what each is made with, and what lies where.
 
-use super::plan::BufferRequirement;
-use super::tables::Tables;
+use crate::embed::place::tables::Tables;
 use crate::error::{Error, Result};
 use crate::frame::buffers::BufferId;
+use crate::frame::frame_plan::BufferRequirement;
 use crate::vulkan::{BufferRef, vk};
 
 /// Where a buffer's memory belongs.
@@ -30,7 +30,7 @@ pub struct MemoryRequirement {
     pub alignment: u64,
 }
 
-/// The buffers of a pass, made as [`PassPlan::memory`](super::PassPlan::memory) says.
+/// The buffers of a pass, made as [`PassPlan::memory`](crate::embed::PassPlan::memory) says.
 #[derive(Clone, Copy, Debug)]
 pub struct PassMemory<'a> {
     /// For what the CPU writes.
@@ -39,13 +39,13 @@ pub struct PassMemory<'a> {
     pub device: BufferRef,
     /// For what the CPU reads.
     pub readback: BufferRef,
-    /// Those that the plan leaves to the host ([`PassBuilder::own_buffers`](super::PassBuilder::own_buffers)).
+    /// Those that the plan leaves to the host ([`PassBuilder::own_buffers`](crate::embed::PassBuilder::own_buffers)).
     pub own: &'a [(BufferId, BufferRef)],
 }
 
 /// A copy between two of a pass's buffers.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Copy {
+pub(crate) struct Copy {
     pub id: BufferId,
     /// Offset in the upload or readback buffer.
     pub mapped: u64,
@@ -56,7 +56,7 @@ pub(super) struct Copy {
 
 /// Where each of several required buffers lies within one VkBuffer.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Arena {
+pub(crate) struct Arena {
     size: u64,
     /// The usages that the buffers need, and transfer in both directions.
     usage: vk::BufferUsageFlags,
@@ -91,7 +91,7 @@ impl Arena {
 
 /// Where everything lies in the three buffers.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Layouts {
+pub(crate) struct Layouts {
     arena: Arena,
     /// The buffers that the host binds itself.
     pub own: Vec<BufferRequirement>,
@@ -109,7 +109,7 @@ pub(super) struct Layouts {
 }
 
 /// The requests that a pass's memory depends on besides its plans.
-pub(super) struct Wishes<'a> {
+pub(crate) struct Wishes<'a> {
     pub alignment: u64,
     pub own: &'a [BufferId],
     pub read_back: &'a [BufferId],

@@ -1,0 +1,63 @@
+//! The gradients of a pass from the bytes that it read back.
+
+use super::Pass;
+use super::builder::PassPlan;
+use crate::error::{Error, Result};
+use crate::frame::buffers::BufferId;
+use crate::frame::decode::Decoder;
+use crate::frame::pack::MeshTables;
+use crate::gradients::{GradientRequest, Gradients};
+use crate::scene::Camera;
+
+impl Pass {
+    /// The gradients in the readback buffer's bytes once the device is done, to be decoded before the next `set_` call: those of
+    /// the buffers that [`PassBuilder::read_back`](crate::embed::PassBuilder::read_back) named; all of them after
+    /// [`read_back_gradients`](crate::embed::PassBuilder::read_back_gradients). [`BufferId::Totals`] has those by cameras, lights,
+    /// background and scalars, [`BufferId::VertexGradients`] those by positions and colours of each view's placed vertices,
+    /// [`BufferId::TexelSums`] those by texels, [`BufferId::CornerGradients`] those by UVs.
+    ///
+    /// # Errors
+    /// [`Error::Backward`] for a pass without gradients; [`Error::Host`] for fewer bytes than the readback buffer has, or bytes
+    /// that do not begin at a multiple of 4; [`Error::NotFinite`] if a gradient overflows single precision.
+    pub fn decode_gradients(&self, readback: &[u8]) -> Result<Gradients> {
+        let PassPlan { frame, gradients, layouts, settings, tables, cameras, .. } = &self.plan;
+        let Some(plan) = gradients else {
+            let what = "the pass computes no gradients".into();
+            return Err(Error::Backward { what, fix: "plan it with PassBuilder::gradients".into() });
+        };
+        let has = |id| layouts.backward.iter().any(|copy| copy.id == id);
+        let (vertices, totals) = (has(BufferId::VertexGradients), has(BufferId::Totals));
+        let asked = plan.wanted;
+        let wanted = GradientRequest {
+            positions: asked.positions && vertices,
+            colors: asked.colors && vertices,
+            texels: asked.texels && has(BufferId::TexelSums),
+            uvs: asked.uvs && has(BufferId::CornerGradients),
+            camera: asked.camera && totals,
+            lights: asked.lights && totals,
+            background: asked.background && totals,
+            scalars: asked.scalars && totals,
+            ..asked
+        };
+        let uv_indices = tables.segments.iter().filter(|segment| segment.id == BufferId::UvIndices);
+        let tables = MeshTables {
+            layouts: frame.layouts.clone(),
+            shapes: frame.shape.meshes.clone(),
+            images: tables.images.clone(),
+            uv_indices: uv_indices.flat_map(|s| s.bytes.as_chunks().0).map(|&word| u32::from_ne_bytes(word)).collect(),
+            ..MeshTables::default()
+        };
+        let cameras: Vec<Camera> = cameras.iter().map(|view| view.camera).collect();
+        let (wanted, lights) = (&wanted, &frame.shape.lights);
+        let decoder = Decoder { frame, plan, wanted, tables: &tables, cameras: &cameras, settings, lights };
+        decoder.decode_floats(&|id, count| {
+            let part = self.plan.readback_part(id).map(|(at, size)| at as usize..(at + size) as usize);
+            let fail = |what: String| Err(Error::Host { what, fix: "give the whole readback buffer".into() });
+            match part.and_then(|part| readback.get(part)?.get(..4 * count)).map(bytemuck::try_cast_slice) {
+                None => fail(format!("{} bytes, of which `{id}` lies beyond the last", readback.len())),
+                Some(Err(error)) => fail(format!("the bytes of `{id}`: {error}")),
+                Some(Ok(floats)) => Ok(floats),
+            }
+        })
+    }
+}
