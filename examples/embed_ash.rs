@@ -16,8 +16,8 @@ use engine::{Buffer, Commands, Compute, Engine, Image, Outcome, Overlay};
 use glam::DVec3;
 use gpu_allocator::MemoryLocation;
 use softras::embed::{
-    BufferId, FrameImage, GeometryGradients, ImageBindings, ImageFormat, ImageRef, Layout, MemoryKind, MeshBuffers,
-    MeshLook, Pass, PassMemory, PassMesh, PassPlan, PassStatus, Rasterizer, Requirements,
+    FrameImage, GeometryGradients, ImageBindings, ImageFormat, ImageRef, Layout, MemoryKind, MeshBuffers, MeshLook,
+    Pass, PassBuffer, PassMemory, PassMesh, PassPlan, PassStatus, Rasterizer, Requirements,
 };
 use softras::scene::Background;
 use softras::{Camera, GradientRequest, Projection, Settings};
@@ -198,7 +198,7 @@ fn record(engine: &Engine, shared: &Shared, flight: &Flight, commands: vk::Comma
 
     // The image is copied to where the host can read it.
     image(L::COLOR_ATTACHMENT_OPTIMAL, L::TRANSFER_SRC_OPTIMAL, drawn, (S::TRANSFER, A::TRANSFER_READ));
-    let copy = pass.plan().image_copy(BufferId::Color, 0, &flight.picture.whole()).ok_or("no colour")?;
+    let copy = pass.plan().image_copy(PassBuffer::Color, 0, &flight.picture.whole()).ok_or("no colour")?;
     unsafe {
         let layout = L::TRANSFER_SRC_OPTIMAL;
         device.cmd_copy_image_to_buffer(commands, flight.image.raw, layout, flight.picture.raw, &[copy]);
@@ -259,7 +259,7 @@ impl Soft {
     }
 
     /// One of the pass's buffers as the engine binds it.
-    fn part(&self, id: BufferId) -> Outcome<(vk::Buffer, u64, u64)> {
+    fn part(&self, id: PassBuffer) -> Outcome<(vk::Buffer, u64, u64)> {
         let part = self.pass.buffer(id).ok_or_else(|| format!("the pass has no buffer {id}"))?;
         Ok((part.raw(), part.offset(), part.range()))
     }
@@ -300,7 +300,7 @@ impl Shared {
     fn render_goal(&mut self, engine: &Engine, flight: &Flight) -> Outcome<()> {
         let commands = flight.commands.begin()?;
         flight.soft.pass.record_forward(&mut flight.commands.host())?;
-        let (color, src_offset, size) = flight.soft.part(BufferId::Color)?;
+        let (color, src_offset, size) = flight.soft.part(PassBuffer::Color)?;
         let copy = [vk::BufferCopy { src_offset, dst_offset: 0, size }];
         unsafe { engine.device().cmd_copy_buffer(commands, color, self.goal.raw, &copy) };
         engine.submit(&flight.commands)?;
@@ -322,7 +322,7 @@ impl Flight {
         };
         let soft = Soft::new(engine, rasterizer, shared.plan.clone(), mesh)?;
         let whole = |buffer: &Buffer| (buffer.raw, 0, buffer.size);
-        let (color, upstream) = (soft.part(BufferId::Color)?, soft.part(BufferId::UpstreamColor)?);
+        let (color, upstream) = (soft.part(PassBuffer::Color)?, soft.part(PassBuffer::UpstreamColor)?);
         let loss = shared.loss.bind(&[color, whole(&shared.goal), upstream])?;
         let adam = shared.adam.bind(&[whole(&gradients), whole(vertices), whole(&shared.state)])?;
         let image = engine.image(SIZE, SIZE)?;

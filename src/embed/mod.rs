@@ -17,14 +17,13 @@ pub use host::geometry::{Draw, IndexFormat, Layout};
 pub use host::mesh::{GeometryGradients, MeshBuffers, MeshLook, PassMesh, TexelSource};
 pub use host::requirements::Requirements;
 pub use pass::Pass;
+pub use pass::buffers::PassBuffer;
 pub use pass::builder::{PassBuilder, PassPlan, PassStatus};
 pub use pass::memory::{MemoryKind, MemoryRequirement, PassMemory};
 pub use pass::rebind::Rebound;
 pub use pass::store::{FrameImage, ImageBindings};
 pub use place::counts::Counts;
 
-pub use crate::frame::buffers::BufferId;
-pub use crate::frame::frame_plan::BufferRequirement;
 pub use crate::frame::plan::Capacity;
 pub use crate::frame::rasterizer::Rasterizer;
 pub use crate::vulkan::{

@@ -13,7 +13,7 @@ use ash::vk;
 use engine::{Buffer, Engine};
 use gpu_allocator::MemoryLocation;
 use softras::embed::{
-    BufferId, Capacity, HostCommands, MeshBuffers, Pass, PassBuilder, PassMemory, PassPlan, PassStatus, Rasterizer,
+    Capacity, HostCommands, MeshBuffers, Pass, PassBuffer, PassBuilder, PassMemory, PassPlan, PassStatus, Rasterizer,
 };
 use softras::scene::Outputs;
 use softras::{Frame, GradientRequest, Gradients, ImageGradient};
@@ -62,13 +62,13 @@ impl Memory {
         PassMemory { upload, device, readback, own: &[] }
     }
 
-    pub fn floats(&self, pass: &Pass, id: BufferId) -> Vec<f32> {
+    pub fn floats(&self, pass: &Pass, id: PassBuffer) -> Vec<f32> {
         let at = pass.buffer(id).unwrap();
         self.device.floats(at.offset(), at.range() as usize / 4)
     }
 
     pub fn whole_word(&self, pass: &Pass) -> u32 {
-        let at = pass.buffer(BufferId::Status).unwrap().offset() + PassStatus::WHOLE_OFFSET;
+        let at = pass.buffer(PassBuffer::Status).unwrap().offset() + PassStatus::WHOLE_OFFSET;
         self.device.floats(at, 1)[0].to_bits()
     }
 
@@ -142,7 +142,7 @@ impl Host {
         }
     }
 
-    pub fn floats(&self, id: BufferId) -> Vec<f32> {
+    pub fn floats(&self, id: PassBuffer) -> Vec<f32> {
         self.memory.floats(&self.pass, id)
     }
 
@@ -176,19 +176,19 @@ pub fn images(case: &Case, host: &Host) -> Vec<(&'static str, Vec<f32>)> {
     let pixels = case.cameras.len() * (case.settings.width * case.settings.height) as usize;
     let mut images = Vec::new();
     if color {
-        let texels = host.floats(BufferId::Color);
+        let texels = host.floats(PassBuffer::Color);
         images.push(("color", rgb(&texels[..4 * pixels])));
         if silhouette {
             images.push(("silhouette", texels.chunks_exact(4).map(|t| t[3]).take(pixels).collect()));
         }
     } else if silhouette {
-        images.push(("silhouette", host.floats(BufferId::Silhouette)[..pixels].to_vec()));
+        images.push(("silhouette", host.floats(PassBuffer::Silhouette)[..pixels].to_vec()));
     }
     if depth {
-        images.push(("depth", host.floats(BufferId::Depths)[..pixels].to_vec()));
+        images.push(("depth", host.floats(PassBuffer::Depths)[..pixels].to_vec()));
     }
     if normal {
-        images.push(("normal", rgb(&host.floats(BufferId::Normals)[..4 * pixels])));
+        images.push(("normal", rgb(&host.floats(PassBuffer::Normals)[..4 * pixels])));
     }
     images
 }
@@ -266,21 +266,21 @@ pub fn difference(a: &[f32], b: &[f32]) -> Option<usize> {
 }
 
 /// Upstream gradients as the kernels read them.
-pub fn upstream_bytes(upstream: &ImageGradient) -> Vec<(BufferId, Vec<f32>)> {
+pub fn upstream_bytes(upstream: &ImageGradient) -> Vec<(PassBuffer, Vec<f32>)> {
     let mut buffers = Vec::new();
     let alpha = upstream.silhouette.as_ref();
     if let Some(color) = &upstream.color {
         let texel = |(i, c): (usize, &[f32])| [c[0], c[1], c[2], alpha.map_or(0.0, |a| a.data[i])];
-        buffers.push((BufferId::UpstreamColor, color.data.chunks_exact(3).enumerate().flat_map(texel).collect()));
+        buffers.push((PassBuffer::UpstreamColor, color.data.chunks_exact(3).enumerate().flat_map(texel).collect()));
     } else if let Some(alpha) = alpha {
-        buffers.push((BufferId::UpstreamSilhouette, alpha.data.clone()));
+        buffers.push((PassBuffer::UpstreamSilhouette, alpha.data.clone()));
     }
     if let Some(depth) = &upstream.depth {
-        buffers.push((BufferId::UpstreamDepths, depth.data.clone()));
+        buffers.push((PassBuffer::UpstreamDepths, depth.data.clone()));
     }
     if let Some(normal) = &upstream.normal {
         let texels = normal.data.chunks_exact(3).flat_map(|n| [n[0], n[1], n[2], 0.0]);
-        buffers.push((BufferId::UpstreamNormals, texels.collect()));
+        buffers.push((PassBuffer::UpstreamNormals, texels.collect()));
     }
     buffers
 }

@@ -4,7 +4,7 @@ use crate::heap::allocations;
 use crate::host::{assert_silent, engine};
 use ash::vk;
 use gpu_allocator::MemoryLocation;
-use softras::embed::{BufferId, Layout as Lie, MeshBuffers, PassMemory, PassMesh, Rasterizer};
+use softras::embed::{Layout as Lie, MeshBuffers, PassBuffer, PassMemory, PassMesh, Rasterizer};
 use softras::{Camera, GradientRequest, Lights, Projection, Settings, shapes};
 
 #[test]
@@ -29,7 +29,7 @@ fn recording_a_pass_allocates_nothing() {
         .cameras(&cameras)
         .lights(Lights::official())
         .gradients(GradientRequest::ALL)
-        .read_back(&[BufferId::Color, BufferId::Totals])
+        .read_back(&[PassBuffer::Color, PassBuffer::Totals])
         .build()
         .unwrap();
     let memory = plan.memory().map(|m| engine.buffer(m.size, m.usage, MemoryLocation::CpuToGpu).unwrap());

@@ -2,8 +2,8 @@
 
 use super::Outcome;
 use softras::embed::{
-    BufferId, BufferRef, GeometryGradients, HostAdapter, HostCommands, HostDevice, Layout, MeshBuffers, MeshLook, Pass,
-    PassMemory, PassMesh, PassPlan, Rasterizer, Requirements,
+    BufferRef, GeometryGradients, HostAdapter, HostCommands, HostDevice, Layout, MeshBuffers, MeshLook, Pass,
+    PassBuffer, PassMemory, PassMesh, PassPlan, Rasterizer, Requirements,
 };
 use std::ops::Range;
 use std::sync::{Arc, OnceLock};
@@ -120,7 +120,7 @@ pub struct Soft {
 
 impl Soft {
     /// Where one of the pass's buffers lies in `device`.
-    pub fn part(&self, id: BufferId) -> Outcome<Range<u64>> {
+    pub fn part(&self, id: PassBuffer) -> Outcome<Range<u64>> {
         let part = self.pass.buffer(id).ok_or_else(|| format!("the pass has no buffer {id}"))?;
         Ok(part.offset()..part.offset() + part.range())
     }

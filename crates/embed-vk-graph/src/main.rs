@@ -14,7 +14,7 @@ mod picture;
 
 use engine::{Engine, Mesh, Soft, shader};
 use picture::Picture;
-use softras::embed::{BufferId, Pass, PassStatus};
+use softras::embed::{Pass, PassBuffer, PassStatus};
 use softras::glam::DVec3;
 use softras::scene::{Background, Outputs};
 use softras::{Camera, GradientRequest, Lights, Projection, Renderer, Scene, Settings, shapes};
@@ -142,12 +142,12 @@ impl Fit {
             .begin_cmd()
             .debug_name("loss")
             .bind_pipeline(&self.loss)
-            .shader_subresource_access(0, frame, self.soft.part(BufferId::Color)?, AccessType::ComputeShaderReadOther)
+            .shader_subresource_access(0, frame, self.soft.part(PassBuffer::Color)?, AccessType::ComputeShaderReadOther)
             .shader_resource_access(1, goal, AccessType::ComputeShaderReadOther)
             .shader_subresource_access(
                 2,
                 frame,
-                self.soft.part(BufferId::UpstreamColor)?,
+                self.soft.part(PassBuffer::UpstreamColor)?,
                 AccessType::ComputeShaderWrite,
             )
             .shader_resource_access(3, losses, AccessType::ComputeShaderWrite)
@@ -173,7 +173,12 @@ impl Fit {
             .shader_resource_access(2, moments, AccessType::ComputeShaderReadWrite)
             .shader_resource_access(3, neighbours, AccessType::ComputeShaderReadOther)
             .shader_resource_access(4, moved, AccessType::ComputeShaderWrite)
-            .shader_subresource_access(5, frame, self.soft.part(BufferId::Status)?, AccessType::ComputeShaderReadOther)
+            .shader_subresource_access(
+                5,
+                frame,
+                self.soft.part(PassBuffer::Status)?,
+                AccessType::ComputeShaderReadOther,
+            )
             .record_cmd(move |cmd| {
                 let [smoothness, rate, color_rate] = [SMOOTHNESS, rate, 2.0 * rate].map(f32::to_bits);
                 let push = [count, step, smoothness, rate, color_rate, PassStatus::WHOLE_OFFSET as u32 / 4];

@@ -12,7 +12,7 @@ mod engine;
 
 use engine::{Buffer, Engine, Kernel, Outcome};
 use softras::embed::{
-    BufferId, BufferRef, HostAdapter, HostCommands, HostDevice, Layout, MemoryKind, MeshBuffers, MeshLook, Pass,
+    BufferRef, HostAdapter, HostCommands, HostDevice, Layout, MemoryKind, MeshBuffers, MeshLook, Pass, PassBuffer,
     PassMemory, PassMesh, PassStatus, Rasterizer, Requirements,
 };
 use softras::scene::Background;
@@ -112,7 +112,7 @@ impl Fit {
             .cameras(&cameras()?)
             .lights(Lights::official())
             .gradients(GradientRequest::default())
-            .read_back(&[BufferId::Color])
+            .read_back(&[PassBuffer::Color])
             .build()?;
         let memory = plan.memory().map(|needs| {
             let mapped = needs.kind != MemoryKind::Device;
@@ -137,11 +137,12 @@ impl Fit {
             Ok((device.raw, at.offset(), at.range()))
         };
         let own = |buffer: &Buffer| (buffer.raw, 0, buffer.size);
-        let (color, upstream) = (part(BufferId::Color)?, part(BufferId::UpstreamColor)?);
+        let (color, upstream) = (part(PassBuffer::Color)?, part(PassBuffer::UpstreamColor)?);
         let goal = made(color.2)?;
         let loss = engine.kernel(LOSS, &[color, own(&goal), upstream])?;
         let adam = ADAM.replace("WHOLE", &(PassStatus::WHOLE_OFFSET / 4).to_string());
-        let adam = engine.kernel(&adam, &[own(&gradients), own(&vertices), own(&moments), part(BufferId::Status)?])?;
+        let adam =
+            engine.kernel(&adam, &[own(&gradients), own(&vertices), own(&moments), part(PassBuffer::Status)?])?;
         let commands = Self::record(engine, &pass, [(&loss, color.2 / 16), (&adam, coordinates / 4)])?;
         Ok(Self { pass, readback, vertices, goal, commands })
     }
@@ -164,7 +165,7 @@ impl Fit {
     /// Linear r, g, b and silhouette of all views in the frame rendered last.
     fn images(&mut self) -> Outcome<&[f32]> {
         self.pass.status(self.readback.bytes())?;
-        let (at, size) = self.pass.plan().readback_part(BufferId::Color).ok_or("no colour")?;
+        let (at, size) = self.pass.plan().readback_part(PassBuffer::Color).ok_or("no colour")?;
         Ok(bytemuck::cast_slice(&self.readback.bytes()[at as usize..(at + size) as usize]))
     }
 }

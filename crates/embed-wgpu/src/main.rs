@@ -7,8 +7,8 @@
 
 use ash::vk;
 use softras::embed::{
-    BufferId, BufferRef, CameraMatrices, ClipSpace, HostAdapter, HostCommands, HostDevice, Layout, MemoryKind,
-    MemoryRequirement, MeshBuffers, MeshLook, Pass, PassMemory, PassMesh, PassStatus, Rasterizer, Requirements,
+    BufferRef, CameraMatrices, ClipSpace, HostAdapter, HostCommands, HostDevice, Layout, MemoryKind, MemoryRequirement,
+    MeshBuffers, MeshLook, Pass, PassBuffer, PassMemory, PassMesh, PassStatus, Rasterizer, Requirements,
 };
 use softras::glam::DVec3;
 use softras::glam::dcamera::rh::{proj::directx::perspective, view::look_at_mat4};
@@ -236,7 +236,7 @@ fn draw(device: &wgpu::Device, queue: &wgpu::Queue, pass: &Pass, work: &Memory) 
     let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
     let layout =
         |offset, texel| wgpu::TexelCopyBufferLayout { offset, bytes_per_row: Some(texel * SIZE), rows_per_image: None };
-    let color = pass.buffer(BufferId::Color).ok_or("no colour")?;
+    let color = pass.buffer(PassBuffer::Color).ok_or("no colour")?;
     let from = wgpu::TexelCopyBufferInfo { buffer: &frame, layout: layout(color.offset(), 16) };
     encoder.copy_buffer_to_texture(from, image.as_image_copy(), size);
     draw_pass(device, &mut encoder, &image, &target);

@@ -1,12 +1,13 @@
 //! Plans a pass from a host's counts and settings. It needs no memory, so a host can ask before it allocates any.
 
+use super::buffers::PassBuffer;
 use super::memory::{Layouts, MemoryKind, MemoryRequirement, Wishes};
 use crate::embed::host::camera::{CameraMatrices, ClipSpace, HostCamera};
 use crate::embed::host::mesh::PassMesh;
 use crate::embed::place::tables::Tables;
 use crate::error::{Error, Result};
 use crate::frame::buffers::BufferId;
-use crate::frame::frame_plan::{BufferRequirement, Differentiate, FramePlan, GradientPlan};
+use crate::frame::frame_plan::{Differentiate, FramePlan, GradientPlan};
 use crate::frame::plan::{Capacity, DepthSpan};
 use crate::frame::rasterizer::Rasterizer;
 use crate::frame::shape::FrameShape;
@@ -36,8 +37,8 @@ pub struct PassBuilder {
     capacity: Option<Capacity>,
     alignment: u64,
     usages: [vk::BufferUsageFlags; 3],
-    own: Vec<BufferId>,
-    read_back: Vec<BufferId>,
+    own: Vec<PassBuffer>,
+    read_back: Vec<PassBuffer>,
     read_back_gradients: bool,
     device_counts: bool,
 }
@@ -235,13 +236,13 @@ impl PassBuilder {
 
     /// Buffers that the host makes and binds apart ([`PassMemory::own`](crate::embed::PassMemory::own)), for hosts that track whole
     /// buffers: wgpu refuses a kernel that reads `color` and writes `upstream_color` of one buffer.
-    pub fn own_buffers(mut self, buffers: &[BufferId]) -> Self {
+    pub fn own_buffers(mut self, buffers: &[PassBuffer]) -> Self {
         self.own = buffers.to_vec();
         self
     }
 
     /// Outputs that are copied into the readback buffer, beside the status.
-    pub fn read_back(mut self, buffers: &[BufferId]) -> Self {
+    pub fn read_back(mut self, buffers: &[PassBuffer]) -> Self {
         self.read_back = buffers.to_vec();
         self
     }
@@ -278,7 +279,7 @@ impl PassBuilder {
         let gradients = self.wanted.map(|wanted| GradientPlan::new(&frame, &differentiate(wanted))).transpose()?;
         let mut read_back = self.read_back.clone();
         if let Some(gradients) = gradients.as_ref().filter(|_| self.read_back_gradients) {
-            read_back.extend(DECODED.into_iter().filter(|id| gradients.buffer(*id).is_some()));
+            read_back.extend(DECODED.into_iter().filter(|buffer| gradients.buffer(buffer.id()).is_some()));
         }
         let wishes = Wishes { alignment: self.alignment, own: &self.own, read_back: &read_back };
         let added = gradients.as_ref().map_or(&[][..], GradientPlan::buffers);
@@ -332,8 +333,8 @@ impl PassBuilder {
 }
 
 /// The buffers that gradients are decoded from.
-const DECODED: [BufferId; 4] =
-    [BufferId::VertexGradients, BufferId::Totals, BufferId::TexelSums, BufferId::CornerGradients];
+const DECODED: [PassBuffer; 4] =
+    [PassBuffer::VertexGradients, PassBuffer::Totals, PassBuffer::TexelSums, PassBuffer::CornerGradients];
 
 impl Content {
     fn tables(&self, adjacency: bool) -> Result<Tables> {
@@ -401,7 +402,7 @@ impl PassPlan {
     }
 
     /// The requirements of the buffers that are left to the host ([`PassBuilder::own_buffers`]).
-    pub fn own_buffers(&self) -> &[BufferRequirement] {
+    pub fn own_buffers(&self) -> &[(PassBuffer, MemoryRequirement)] {
         &self.layouts.own
     }
 
@@ -417,7 +418,11 @@ impl PassPlan {
     }
 
     /// Where a buffer that is read back lies in the readback buffer: offset and bytes. The status lies at 0.
-    pub fn readback_part(&self, id: BufferId) -> Option<(u64, u64)> {
+    pub fn readback_part(&self, buffer: PassBuffer) -> Option<(u64, u64)> {
+        self.part_read_back(buffer.id())
+    }
+
+    pub(crate) fn part_read_back(&self, id: BufferId) -> Option<(u64, u64)> {
         let mut copies = self.layouts.forward.iter().chain(&self.layouts.backward);
         copies.find(|copy| copy.id == id).map(|copy| (copy.mapped, copy.size))
     }
@@ -444,13 +449,13 @@ impl PassPlan {
     /// | `normals` | R32G32B32A32_SFLOAT | Σ w n, world space, and 0 |
     ///
     /// Rows are packed, row 0 at the top. The host brings the image into the layout TRANSFER_DST_OPTIMAL or GENERAL.
-    pub fn image_copy(&self, id: BufferId, view: u32, at: &BufferRef) -> Option<vk::BufferImageCopy> {
-        let texel = match id {
-            BufferId::Color | BufferId::Normals => 16,
-            BufferId::Silhouette | BufferId::Depths => 4,
+    pub fn image_copy(&self, image: PassBuffer, view: u32, at: &BufferRef) -> Option<vk::BufferImageCopy> {
+        let texel = match image {
+            PassBuffer::Color | PassBuffer::Normals => 16,
+            PassBuffer::Silhouette | PassBuffer::Depths => 4,
             _ => return None,
         };
-        if self.frame.buffer(id).is_none() || view >= self.frame.views() {
+        if self.frame.buffer(image.id()).is_none() || view >= self.frame.views() {
             return None;
         }
         let (width, height) = self.image_size();

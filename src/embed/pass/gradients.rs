@@ -1,6 +1,8 @@
 //! The gradients of a pass from the bytes that it read back.
 
 use super::Pass;
+#[cfg(doc)]
+use super::buffers::PassBuffer;
 use super::builder::PassPlan;
 use crate::error::{Error, Result};
 use crate::frame::buffers::BufferId;
@@ -12,9 +14,9 @@ use crate::scene::Camera;
 impl Pass {
     /// The gradients in the readback buffer's bytes once the device is done, to be decoded before the next `set_` call: those of
     /// the buffers that [`PassBuilder::read_back`](crate::embed::PassBuilder::read_back) named; all of them after
-    /// [`read_back_gradients`](crate::embed::PassBuilder::read_back_gradients). [`BufferId::Totals`] has those by cameras, lights,
-    /// background and scalars, [`BufferId::VertexGradients`] those by positions and colours of each view's placed vertices,
-    /// [`BufferId::TexelSums`] those by texels, [`BufferId::CornerGradients`] those by UVs.
+    /// [`read_back_gradients`](crate::embed::PassBuilder::read_back_gradients). [`PassBuffer::Totals`] has those by cameras, lights,
+    /// background and scalars, [`PassBuffer::VertexGradients`] those by positions and colours of each view's placed vertices,
+    /// [`PassBuffer::TexelSums`] those by texels, [`PassBuffer::CornerGradients`] those by UVs.
     ///
     /// # Errors
     /// [`Error::Backward`] for a pass without gradients; [`Error::Host`] for fewer bytes than the readback buffer has, or bytes
@@ -51,7 +53,7 @@ impl Pass {
         let (wanted, lights) = (&wanted, &frame.shape.lights);
         let decoder = Decoder { frame, plan, wanted, tables: &tables, cameras: &cameras, settings, lights };
         decoder.decode_floats(&|id, count| {
-            let part = self.plan.readback_part(id).map(|(at, size)| at as usize..(at + size) as usize);
+            let part = self.plan.part_read_back(id).map(|(at, size)| at as usize..(at + size) as usize);
             let fail = |what: String| Err(Error::Host { what, fix: "give the whole readback buffer".into() });
             match part.and_then(|part| readback.get(part)?.get(..4 * count)).map(bytemuck::try_cast_slice) {
                 None => fail(format!("{} bytes, of which `{id}` lies beyond the last", readback.len())),

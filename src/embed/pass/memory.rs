@@ -1,5 +1,6 @@
 //! The three buffers of a pass: what each is made with, and what lies where.
 
+use super::buffers::PassBuffer;
 use crate::embed::place::tables::Tables;
 use crate::error::{Error, Result};
 use crate::frame::buffers::BufferId;
@@ -40,7 +41,7 @@ pub struct PassMemory<'a> {
     /// For what the CPU reads.
     pub readback: BufferRef,
     /// Those that the plan leaves to the host ([`PassBuilder::own_buffers`](crate::embed::PassBuilder::own_buffers)).
-    pub own: &'a [(BufferId, BufferRef)],
+    pub own: &'a [(PassBuffer, BufferRef)],
 }
 
 /// A copy between two of a pass's buffers.
@@ -94,7 +95,7 @@ impl Arena {
 pub(crate) struct Layouts {
     arena: Arena,
     /// The buffers that the host binds itself.
-    pub own: Vec<BufferRequirement>,
+    pub own: Vec<(PassBuffer, MemoryRequirement)>,
     /// Table of draws of each mesh: offset in the upload and in the device buffer, bytes.
     pub draws: Vec<(u64, u64, u64)>,
     /// Inputs of every frame, then those of the setup.
@@ -111,8 +112,8 @@ pub(crate) struct Layouts {
 /// The requests that a pass's memory depends on besides its plans.
 pub(crate) struct Wishes<'a> {
     pub alignment: u64,
-    pub own: &'a [BufferId],
-    pub read_back: &'a [BufferId],
+    pub own: &'a [PassBuffer],
+    pub read_back: &'a [PassBuffer],
 }
 
 /// Copies begin at multiples of this in the upload and the readback buffer.
@@ -127,16 +128,19 @@ impl Layouts {
     ) -> Result<Self> {
         let all = || frame.iter().chain(gradients);
         let find = |id: BufferId| all().find(|requirement| requirement.id == id);
-        if let Some(id) = wishes.own.iter().chain(wishes.read_back).find(|id| find(**id).is_none()) {
+        if let Some(buffer) = wishes.own.iter().chain(wishes.read_back).find(|buffer| find(buffer.id()).is_none()) {
             return Err(Error::Host {
-                what: format!("the pass has no buffer `{id}`"),
+                what: format!("the pass has no buffer `{buffer}`"),
                 fix: "ask for the output or the gradient that it belongs to".into(),
             });
         }
-        let is_own = |requirement: &&BufferRequirement| wishes.own.contains(&requirement.id);
-        let arena = Arena::new(all().filter(|r| !is_own(r)), wishes.alignment);
+        let own_of = |requirement: &BufferRequirement| wishes.own.iter().find(|own| own.id() == requirement.id);
+        let arena = Arena::new(all().filter(|r| own_of(r).is_none()), wishes.alignment);
         let transfer = vk::BufferUsageFlags::TRANSFER_SRC | vk::BufferUsageFlags::TRANSFER_DST;
-        let own = all().filter(is_own).map(|r| BufferRequirement { usage: r.usage | transfer, ..*r }).collect();
+        let requirement_of = |&BufferRequirement { size, alignment, usage, .. }: &BufferRequirement| {
+            MemoryRequirement { kind: MemoryKind::Device, size, usage: usage | transfer, alignment }
+        };
+        let own = all().filter_map(|r| Some((*own_of(r)?, requirement_of(r)))).collect();
         let (mut upload, mut device) = (0, arena.size);
         let alignment = arena.alignment;
         let mut made = Self {
@@ -175,17 +179,18 @@ impl Layouts {
         Ok(made)
     }
 
-    fn read_back(&mut self, frame: &[BufferRequirement], gradients: &[BufferRequirement], wanted: &[BufferId]) {
+    fn read_back(&mut self, frame: &[BufferRequirement], gradients: &[BufferRequirement], wanted: &[PassBuffer]) {
         let mut end = 0;
+        let is_wanted = |r: &&BufferRequirement| wanted.iter().any(|wanted| wanted.id() == r.id);
         let mut copy = |requirement: &BufferRequirement| {
             let mapped = end;
             end += requirement.size.next_multiple_of(STEP);
             Copy { id: requirement.id, mapped, at: 0, size: requirement.size / 4 * 4 }
         };
         let status = frame.iter().filter(|r| r.id == BufferId::Status);
-        let others = frame.iter().filter(|r| r.id != BufferId::Status && wanted.contains(&r.id));
+        let others = frame.iter().filter(is_wanted).filter(|r| r.id != BufferId::Status);
         self.forward = status.chain(others).map(&mut copy).collect();
-        self.backward = gradients.iter().filter(|r| wanted.contains(&r.id)).map(&mut copy).collect();
+        self.backward = gradients.iter().filter(is_wanted).map(&mut copy).collect();
         self.readback_size = end;
     }
 
@@ -235,7 +240,7 @@ impl Layouts {
     pub fn refs(&self, memory: &PassMemory<'_>) -> Result<Vec<(BufferId, BufferRef)>> {
         self.validate(memory)?;
         let mut refs = self.arena.refs(&memory.device)?;
-        refs.extend_from_slice(memory.own);
+        refs.extend(memory.own.iter().map(|(buffer, at)| (buffer.id(), *at)));
         Ok(refs)
     }
 }

@@ -1,5 +1,6 @@
 //! A pass: everything that a host binds once and records every frame.
 
+pub mod buffers;
 pub mod builder;
 mod gradients;
 pub mod memory;
@@ -20,6 +21,7 @@ use crate::frame::pack::{camera_texels, light_texels};
 use crate::frame::passes::{BackwardStage, ForwardStage};
 use crate::frame::rasterizer::Rasterizer;
 use crate::vulkan::{BufferPart, BufferRef, HostCommands, Recorder, vk};
+use buffers::PassBuffer;
 use builder::{PassPlan, PassStatus};
 use memory::{Copy, PassMemory};
 use std::sync::atomic::{AtomicU8, Ordering};
@@ -186,7 +188,11 @@ impl Pass {
 
     /// One of its buffers, as it was bound: the images and upstream gradients for the host's own kernels. `None` where the
     /// plan has no such buffer.
-    pub fn buffer(&self, id: BufferId) -> Option<BufferRef> {
+    pub fn buffer(&self, buffer: PassBuffer) -> Option<BufferRef> {
+        self.find(buffer.id())
+    }
+
+    fn find(&self, id: BufferId) -> Option<BufferRef> {
         self.buffers.iter().find(|(own, _)| *own == id).map(|(_, at)| *at)
     }
 
@@ -196,7 +202,7 @@ impl Pass {
     pub fn texels(&self, mesh: usize) -> Option<BufferRef> {
         let placed = self.plan.tables.placed.get(mesh)?;
         let MeshLook::Texture { size: (width, height), .. } = placed.look else { return None };
-        let at = self.buffer(BufferId::Texels)?;
+        let at = self.find(BufferId::Texels)?;
         at.part(16 * u64::from(placed.texel), 16 * u64::from(width) * u64::from(height)).ok()
     }
 
@@ -205,7 +211,7 @@ impl Pass {
     /// multiple of 4; see [`texels`](Self::texels).
     pub fn normals(&self, mesh: usize) -> Option<BufferRef> {
         let geometry = &self.plan.tables.placed.get(mesh)?.geometry;
-        let at = self.buffer(BufferId::VertexNormals)?;
+        let at = self.find(BufferId::VertexNormals)?;
         at.part(12 * u64::from(geometry.first_vertex), 12 * u64::from(geometry.vertices())).ok()
     }
 
@@ -440,7 +446,7 @@ impl Pass {
     }
 
     fn part(&self, id: BufferId) -> Result<BufferPart> {
-        self.buffer(id).map(|at| BufferPart::of_host(&self.rasterizer.device, &at)).ok_or_else(|| Error::Host {
+        self.find(id).map(|at| BufferPart::of_host(&self.rasterizer.device, &at)).ok_or_else(|| Error::Host {
             what: format!("there is no buffer `{id}`"),
             fix: "plan and bind the pass anew".into(),
         })

@@ -1,12 +1,12 @@
 //! Changes of a bound pass: cameras, lights and settings in place, everything else by binding anew.
 
 use super::Pass;
+use super::buffers::PassBuffer;
 use super::builder::{Content, PassPlan, View, cutoff_of};
 use super::memory::PassMemory;
 use crate::embed::host::camera::{CameraMatrices, ClipSpace};
 use crate::embed::host::mesh::MeshBuffers;
 use crate::error::{Error, Result};
-use crate::frame::buffers::BufferId;
 use crate::frame::shape::FrameShape;
 use crate::scene::{Camera, Lights, Projection, Settings};
 
@@ -16,7 +16,7 @@ pub struct Rebound {
     /// The old pass. Drop it, and destroy its memory, once the commands that it was recorded into have been executed.
     pub old: Pass,
     /// Buffers whose place or size changed: the host's own descriptor sets must be updated.
-    pub moved: Vec<BufferId>,
+    pub moved: Vec<PassBuffer>,
 }
 
 impl Pass {
@@ -86,10 +86,7 @@ impl Pass {
     pub fn rebind(&mut self, plan: PassPlan, memory: PassMemory<'_>, meshes: &[MeshBuffers]) -> Result<Rebound> {
         let new = self.rasterizer.bind_pass(plan, memory, meshes)?;
         let old = std::mem::replace(self, new);
-        let mut ids: Vec<BufferId> = old.buffers.iter().chain(&self.buffers).map(|(id, _)| *id).collect();
-        ids.sort();
-        ids.dedup();
-        let moved = ids.into_iter().filter(|id| old.buffer(*id) != self.buffer(*id)).collect();
+        let moved = PassBuffer::ALL.iter().copied().filter(|id| old.buffer(*id) != self.buffer(*id)).collect();
         Ok(Rebound { old, moved })
     }
 }

@@ -6,7 +6,7 @@ use crate::common::gradient::random_upstream;
 use crate::common::scenes::{Kind, random_case};
 use crate::host::{Host, Memory, assert_silent, engine, plan_backward, plan_of, rasterizer};
 use gpu_allocator::MemoryLocation;
-use softras::embed::{BufferId, BufferRef, Counts, GeometryGradients, PassMemory, Requirements};
+use softras::embed::{BufferRef, Counts, GeometryGradients, PassBuffer, PassMemory, Requirements};
 use softras::{Error, GradientRequest};
 
 /// The offset of a named buffer was refused by a typed error.
@@ -26,7 +26,7 @@ fn an_error_of_another_buffer_is_noticed() {
     assert_misaligned::<()>(Err(Error::Host { what, fix: String::new() }), "names_another");
 }
 
-/// Every buffer of a frame and of its gradients, one after the other, in a buffer of the host's own.
+/// Every buffer that a host may use, one after the other, in a buffer of the host's own.
 #[test]
 fn every_buffer_of_a_pass_lies_as_its_plan_says() {
     let engine = engine();
@@ -36,10 +36,10 @@ fn every_buffer_of_a_pass_lies_as_its_plan_says() {
     let plan = plan_backward(plan_of(&rasterizer, &case), &upstream, GradientRequest::default());
     let host = Host::new(&engine, &rasterizer, plan.clone());
     let mut tried = 0;
-    for id in BufferId::ALL.into_iter().filter(|&id| host.pass.buffer(id).is_some()) {
+    for id in PassBuffer::ALL.iter().copied().filter(|&id| host.pass.buffer(id).is_some()) {
         let plan = plan.clone().own_buffers(&[id]).build().unwrap();
         let memory = Memory::new(&engine, &plan);
-        let [requirement] = plan.own_buffers() else { panic!("{id} is not the host's") };
+        let [(_, requirement)] = plan.own_buffers() else { panic!("{id} is not the host's") };
         let size = requirement.size + 2 * requirement.alignment;
         let buffer = engine.buffer(size, requirement.usage, MemoryLocation::GpuToCpu).unwrap();
         let bind = |by: u64| {
@@ -52,7 +52,7 @@ fn every_buffer_of_a_pass_lies_as_its_plan_says() {
         bind(requirement.alignment).unwrap();
         tried += 1;
     }
-    assert!(tried > 20, "{tried} buffers");
+    assert!(tried >= 5, "{tried} buffers");
     drop((host, rasterizer));
     assert_silent(engine);
 }

@@ -17,10 +17,10 @@ use crate::host::{
 use ash::vk::{self, Handle};
 use gpu_allocator::MemoryLocation;
 use softras::embed::{
-    BufferId, BufferRef, HostAdapter, HostCommands, HostDevice, ImageBindings, Layout, MeshBuffers, Pass, PassMemory,
+    BufferRef, HostAdapter, HostCommands, HostDevice, ImageBindings, Layout, MeshBuffers, Pass, PassBuffer, PassMemory,
     PassMesh, PassPlan, Rasterizer, Requirements,
 };
-use softras::scene::Shading;
+use softras::scene::{Outputs, Shading};
 use softras::{Camera, GradientRequest, ImageGradient, Lights, Mesh, Projection, Scene, Settings};
 use std::ffi::c_void;
 
@@ -93,7 +93,7 @@ fn gradients_are_the_simple_apis_bit_by_bit() {
         let plan = plan_backward(plan_of(&rasterizer, &case), &upstream, GradientRequest::ALL);
         let host = Host::whole(&engine, &rasterizer, plan, &upstream);
         assert_eq!(same_gradient_bits(&expected, &host.gradients()), Ok(()), "{case:?}");
-        let rows = host.floats(BufferId::VertexGradients);
+        let rows = host.floats(PassBuffer::VertexGradients);
         let raw: Vec<f32> = rows.chunks_exact(8).flat_map(|r| [r[0], r[1], r[2]]).collect();
         let positions: Vec<f32> = expected.meshes.iter().flat_map(|m| m.positions.iter().flatten().copied()).collect();
         assert_eq!(difference(&raw[..positions.len()], &positions), None, "{case:?}");
@@ -180,21 +180,22 @@ fn handles_may_be_plain_numbers() {
 fn what_does_not_fit_is_an_error_that_names_it() {
     let engine = engine();
     let rasterizer = rasterizer(&engine);
-    let case = random_case(0, Kind::Plain);
-    let ids = [BufferId::Positions, BufferId::Geometry, BufferId::Boxes];
+    let mut case = random_case(0, Kind::Plain);
+    case.settings.outputs = Outputs::ALL;
+    let ids = [PassBuffer::Color, PassBuffer::Depths, PassBuffer::Status];
     let plan = plan_of(&rasterizer, &case).own_buffers(&ids).build().unwrap();
     let memory = Memory::new(&engine, &plan);
     let own: Vec<_> = plan
         .own_buffers()
         .iter()
-        .map(|r| (r.id, engine.buffer(r.size, r.usage, MemoryLocation::GpuToCpu).unwrap()))
+        .map(|(id, r)| (*id, engine.buffer(r.size, r.usage, MemoryLocation::GpuToCpu).unwrap()))
         .collect();
     let refs: Vec<_> = own.iter().map(|(id, buffer)| (*id, buffer.whole())).collect();
-    let bind = |own: &[(BufferId, BufferRef)]| {
+    let bind = |own: &[(PassBuffer, BufferRef)]| {
         error(rasterizer.bind_pass(plan.clone(), PassMemory { own, ..memory.refs() }, &[]))
     };
     assert_eq!(bind(&refs), "no error");
-    let changed = |id: BufferId, change: &dyn Fn(BufferRef) -> BufferRef| {
+    let changed = |id: PassBuffer, change: &dyn Fn(BufferRef) -> BufferRef| {
         let mut refs = refs.clone();
         let at = &mut refs.iter_mut().find(|(i, _)| *i == id).unwrap().1;
         *at = change(*at);
@@ -202,18 +203,18 @@ fn what_does_not_fit_is_an_error_that_names_it() {
     };
     let missing = bind(&refs[1..]);
     assert!(missing.contains("there is no buffer"), "{missing}");
-    let unknown = bind(&[&refs[..], &[(BufferId::PixelSums, refs[0].1)]].concat());
-    assert!(unknown.contains("`pixel_sums`"), "{unknown}");
+    let unknown = bind(&[&refs[..], &[(PassBuffer::TexelSums, refs[0].1)]].concat());
+    assert!(unknown.contains("`texel_sums`"), "{unknown}");
     let twice = bind(&[&refs[..], &refs[..1]].concat());
     assert!(twice.contains("twice"), "{twice}");
-    let small = changed(BufferId::Positions, &|at| at.part(0, at.range() - 4).unwrap());
-    assert!(small.contains("positions") && small.contains("needs"), "{small}");
-    let null = changed(BufferId::Boxes, &|at| unsafe { BufferRef::new(vk::Buffer::null(), at.range(), at.usage()) });
-    assert!(null.contains("boxes") && null.contains("null"), "{null}");
-    let useless = changed(BufferId::Boxes, &|at| unsafe {
+    let small = changed(PassBuffer::Color, &|at| at.part(0, at.range() - 4).unwrap());
+    assert!(small.contains("color") && small.contains("needs"), "{small}");
+    let null = changed(PassBuffer::Depths, &|at| unsafe { BufferRef::new(vk::Buffer::null(), at.range(), at.usage()) });
+    assert!(null.contains("depths") && null.contains("null"), "{null}");
+    let useless = changed(PassBuffer::Depths, &|at| unsafe {
         BufferRef::new(at.raw(), at.range(), vk::BufferUsageFlags::TRANSFER_DST)
     });
-    assert!(useless.contains("boxes") && useless.contains("STORAGE_BUFFER"), "{useless}");
+    assert!(useless.contains("depths") && useless.contains("STORAGE_BUFFER"), "{useless}");
     let whole = memory.device.whole();
     assert!(error(whole.part(16, whole.range())).contains("outside"));
 

@@ -11,7 +11,7 @@ use crate::host::{
 };
 use ash::vk;
 use gpu_allocator::MemoryLocation;
-use softras::embed::{BufferId, Counts, Pass, PassMesh, PassStatus, Requirements};
+use softras::embed::{Counts, Pass, PassBuffer, PassMesh, PassStatus, Requirements};
 use softras::scene::{Appearance, Outputs, Shading};
 use softras::{Camera, GradientRequest, Lights, Mesh, Projection, Scene, shapes};
 
@@ -145,7 +145,7 @@ fn frames_in_flight_are_each_their_own() {
     let usage = vk::BufferUsageFlags::STORAGE_BUFFER | vk::BufferUsageFlags::TRANSFER_DST;
     let word = engine.buffer(4, usage, MemoryLocation::GpuOnly).unwrap();
     let flights = [0, 1].map(|_| {
-        let plan = plan_of(&rasterizer, &case).device_counts().read_back(&[BufferId::Depths]);
+        let plan = plan_of(&rasterizer, &case).device_counts().read_back(&[PassBuffer::Depths]);
         let mut host = Host::new(&engine, &rasterizer, plan);
         host.pass.bind_counts(&Counts { buffer: word.whole(), stride: 4, of_indices: false }).unwrap();
         submit(&engine, |commands| host.pass.record_setup(commands).unwrap());
@@ -159,7 +159,7 @@ fn frames_in_flight_are_each_their_own() {
             assert_eq!(host.status(), PassStatus::Whole);
             let due = simple.render(&first_triangles(&case, 320.min(count as usize)), &case.cameras, &case.settings);
             let depth = due.unwrap().depth().unwrap().data.clone();
-            let (at, _) = host.pass.plan().readback_part(BufferId::Depths).unwrap();
+            let (at, _) = host.pass.plan().readback_part(PassBuffer::Depths).unwrap();
             let found = host.memory.readback.floats(at, depth.len());
             assert_eq!(difference(&found, &depth), None, "{count}");
         }

@@ -13,7 +13,7 @@ use crate::host::{assert_silent, difference, engine, error, rasterizer, upstream
 use ash::vk;
 use gpu_allocator::MemoryLocation;
 use softras::embed::{
-    BufferId, Capacity, Draw, GeometryGradients, IndexFormat, Layout, MeshBuffers, MeshLook, Pass, PassMemory,
+    Capacity, Draw, GeometryGradients, IndexFormat, Layout, MeshBuffers, MeshLook, Pass, PassBuffer, PassMemory,
     PassMesh, PassStatus, Rasterizer, TexelSource,
 };
 use softras::scene::{Appearance, Wrap};
@@ -79,7 +79,7 @@ impl Scenery {
 
 /// The images of a frame whose colour and silhouette were asked for.
 pub fn assert_images(memory: &Memory, pass: &Pass, frame: &Frame, what: &str) {
-    let texels = memory.floats(pass, BufferId::Color);
+    let texels = memory.floats(pass, PassBuffer::Color);
     let rgb: Vec<f32> = texels.chunks_exact(4).flat_map(|t| [t[0], t[1], t[2]]).collect();
     let alpha: Vec<f32> = texels.chunks_exact(4).map(|t| t[3]).collect();
     assert_eq!(difference(&rgb, &frame.color().unwrap().data), None, "{what}");
@@ -88,7 +88,7 @@ pub fn assert_images(memory: &Memory, pass: &Pass, frame: &Frame, what: &str) {
 
 /// dL by positions and by colours of all placed vertices.
 pub fn vertex_gradients(memory: &Memory, pass: &Pass) -> [Vec<f32>; 2] {
-    let rows = memory.floats(pass, BufferId::VertexGradients);
+    let rows = memory.floats(pass, PassBuffer::VertexGradients);
     [0, 4].map(|at| rows.chunks_exact(8).flat_map(|row| row[at..at + 3].to_vec()).collect())
 }
 
@@ -113,7 +113,7 @@ fn several_meshes_of_a_host_render_as_one_scene() {
             .gradients(wanted)
             .inside_planes()
             .alignment(alignment)
-            .read_back(&[BufferId::Color, BufferId::VertexGradients])
+            .read_back(&[PassBuffer::Color, PassBuffer::VertexGradients])
             .build()
             .unwrap();
         let mut memory = Memory::new(&engine, &plan);
@@ -150,13 +150,13 @@ fn several_meshes_of_a_host_render_as_one_scene() {
         });
         assert_eq!(writes, [[None, Some(false), Some(false)], [None, None, Some(true)]]);
         // The readback buffer has the same values as the device's.
-        for id in [BufferId::Color, BufferId::VertexGradients] {
+        for id in [PassBuffer::Color, PassBuffer::VertexGradients] {
             let (at, size) = plan.readback_part(id).unwrap();
             let read = memory.readback.floats(at, size as usize / 4);
             assert_eq!(difference(&read, &memory.floats(&pass, id)[..read.len()]), None, "{id:?}");
         }
         let aligned = |id| pass.buffer(id).unwrap().offset().is_multiple_of(alignment);
-        assert!(BufferId::ALL.into_iter().filter(|&id| pass.buffer(id).is_some()).all(aligned));
+        assert!(PassBuffer::ALL.iter().copied().filter(|&id| pass.buffer(id).is_some()).all(aligned));
     }
     drop((scenery, rasterizer));
     assert_silent(engine);
@@ -198,13 +198,13 @@ fn each_view_may_have_a_mesh_and_the_host_buffers_of_its_own() {
         .lights(Lights::official())
         .gradients(wanted)
         .inside_planes()
-        .own_buffers(&[BufferId::UpstreamColor, BufferId::Color])
+        .own_buffers(&[PassBuffer::UpstreamColor, PassBuffer::Color])
         .build()
         .unwrap();
-    let own: Vec<(BufferId, Buffer)> = plan
+    let own: Vec<(PassBuffer, Buffer)> = plan
         .own_buffers()
         .iter()
-        .map(|r| (r.id, engine.buffer(r.size, r.usage, MemoryLocation::GpuToCpu).unwrap()))
+        .map(|(id, r)| (*id, engine.buffer(r.size, r.usage, MemoryLocation::GpuToCpu).unwrap()))
         .collect();
     let own_refs: Vec<_> = own.iter().map(|(id, buffer)| (*id, buffer.whole())).collect();
     let packed = Layout { stride: 12, offset: 0 };
@@ -229,7 +229,7 @@ fn each_view_may_have_a_mesh_and_the_host_buffers_of_its_own() {
     }
     run(&engine, &pass);
     assert_eq!(pass.status(memory.readback.bytes()).unwrap(), PassStatus::Whole);
-    let (_, color) = own.iter().find(|(id, _)| *id == BufferId::Color).unwrap();
+    let (_, color) = own.iter().find(|(id, _)| *id == PassBuffer::Color).unwrap();
     let texels = color.floats(0, 4 * frame.silhouette().unwrap().data.len());
     let rgb: Vec<f32> = texels.chunks_exact(4).flat_map(|t| [t[0], t[1], t[2]]).collect();
     assert_eq!(difference(&rgb, &frame.color().unwrap().data), None);
@@ -266,7 +266,7 @@ fn misfits_of_a_pass_are_named() {
     let huge = builder(&mesh).image_size(16384, 16384).build();
     assert!(huge.is_ok() || matches!(huge, Err(Error::Limit { .. })), "{}", error(huge));
     assert!(error(builder(&mesh).image_size(16385, 1).build()).contains("16384"));
-    assert!(error(builder(&mesh).read_back(&[BufferId::Totals]).build()).contains("`totals`"));
+    assert!(error(builder(&mesh).read_back(&[PassBuffer::Totals]).build()).contains("`totals`"));
     let textured = mesh.clone().with_look(MeshLook::Texture { size: SIZE, wrap: Wrap::Clamp, v_down: false });
     let colored = mesh.clone().with_look(MeshLook::VertexColors);
     let both = rasterizer.pass(&[textured.clone(), colored.clone()]).cameras(&case.cameras).build();

@@ -9,8 +9,8 @@ use crate::host::{assert_silent, engine, rasterizer, submit};
 use ash::vk;
 use gpu_allocator::MemoryLocation;
 use softras::embed::{
-    BufferId, CameraMatrices, ClipSpace, FrameImage, HostCamera, ImageFormat, Layout, MeshBuffers, MeshLook, PassMesh,
-    PassStatus, TexelSource, TextureRef,
+    CameraMatrices, ClipSpace, FrameImage, HostCamera, ImageFormat, Layout, MeshBuffers, MeshLook, PassBuffer,
+    PassMesh, PassStatus, TexelSource, TextureRef,
 };
 use softras::glam::{DMat4, DVec3};
 use softras::scene::{Appearance, Background, Outputs, Texture, Wrap};
@@ -128,7 +128,7 @@ fn textures_come_straight_from_a_hosts_images_and_buffers() {
         let pass = bind(&rasterizer, &plan, &mut memory, &[quad, solid]);
         run(&engine, &pass);
         assert_eq!(pass.status(memory.readback.bytes()).unwrap(), PassStatus::Whole);
-        let color = memory.floats(&pass, BufferId::Color);
+        let color = memory.floats(&pass, PassBuffer::Color);
         let expected = &frame.color().unwrap().data;
         for (pixel, own) in color.chunks_exact(4).enumerate() {
             for k in 0..3 {
@@ -203,7 +203,7 @@ fn matrices_render_and_store_as_the_hosts_rasterizer_would() {
     let pass = bind(&rasterizer, &plan, &mut memory, &buffers);
     run(&engine, &pass);
     assert_eq!(pass.status(memory.readback.bytes()).unwrap(), PassStatus::Whole);
-    let (color, depths) = (memory.floats(&pass, BufferId::Color), memory.floats(&pass, BufferId::Depths));
+    let (color, depths) = (memory.floats(&pass, PassBuffer::Color), memory.floats(&pass, PassBuffer::Depths));
     let simple = frame.color().unwrap();
     let mut worst = 0.0f32;
     for (own, due) in color.chunks_exact(4).zip(simple.data.chunks_exact(3)) {

@@ -4,7 +4,7 @@ use super::facade::{Memory, Scenery, bind, run};
 use crate::common::gradient::random_upstream;
 use crate::common::tier;
 use crate::host::{assert_silent, difference, engine, error, rasterizer};
-use softras::embed::{BufferId, Capacity, PassStatus};
+use softras::embed::{Capacity, PassBuffer, PassStatus};
 use softras::scene::{Background, Shading};
 use softras::{GradientRequest, Lights, Settings};
 
@@ -16,7 +16,7 @@ fn a_pass_does_not_depend_on_the_room_for_lists() {
     let scenery = Scenery::new(&engine);
     let case = scenery.engines.case();
     let upstream = random_upstream(&case, case.settings.outputs);
-    let outputs = [BufferId::Color, BufferId::VertexGradients, BufferId::Totals, BufferId::CornerGradients];
+    let outputs = [PassBuffer::Color, PassBuffer::VertexGradients, PassBuffer::Totals, PassBuffer::CornerGradients];
     let looks = [
         (Lights::official(), Background::Weighted),
         (Lights { shading: Shading::Smooth, ..Lights::official() }, Background::Composite),
@@ -56,7 +56,7 @@ fn a_pass_does_not_depend_on_the_room_for_lists() {
             let plan = next.builder().capacity(grown.max(full)).build().unwrap();
             let mut larger = Memory::new(&engine, &plan);
             let rebound = pass.rebind(plan, larger.refs(), &scenery.buffers(true)).unwrap();
-            assert!(rebound.moved.contains(&BufferId::Color) && rebound.old.buffer(BufferId::Color).is_some());
+            assert!(rebound.moved.contains(&PassBuffer::Color) && rebound.old.buffer(PassBuffer::Color).is_some());
             pass.write_inputs(larger.upload.bytes_mut()).unwrap();
             larger.write_upstream(&pass, &upstream);
             run(&engine, &pass);
@@ -101,7 +101,7 @@ fn a_frame_that_is_not_finite_has_no_gradients() {
     run(&engine, &pass);
     assert!(error(pass.status(memory.readback.bytes())).contains("not finite"));
     assert_eq!(memory.whole_word(&pass), 0);
-    for id in [BufferId::VertexGradients, BufferId::Totals, BufferId::CornerGradients] {
+    for id in [PassBuffer::VertexGradients, PassBuffer::Totals, PassBuffer::CornerGradients] {
         let values = memory.floats(&pass, id);
         let wrong = values.iter().position(|&x| x != 0.0);
         assert_eq!(wrong, None, "{id:?}: {:?}", wrong.map(|i| values[i]));

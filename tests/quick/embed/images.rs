@@ -7,7 +7,7 @@ use crate::host::engine::{Buffer, Engine, Image, color_range};
 use crate::host::{Host, assert_silent, engine, error, plan_of, rasterizer, run, submit};
 use ash::vk;
 use gpu_allocator::MemoryLocation;
-use softras::embed::{BufferId, FrameImage, HostCommands, ImageFormat, ImageRef, Pass};
+use softras::embed::{FrameImage, HostCommands, ImageFormat, ImageRef, Pass, PassBuffer};
 use softras::scene::Outputs;
 
 fn image(engine: &Engine, format: ImageFormat, size: (u32, u32)) -> (Image, ImageRef) {
@@ -125,10 +125,11 @@ fn images_are_stored_as_they_are() {
     run(&engine, &host.pass);
     let pixels = 37 * 21;
     for view in 0..case.cameras.len() as u32 {
-        let part = |id: BufferId, channels: usize| {
+        let part = |id: PassBuffer, channels: usize| {
             host.floats(id)[view as usize * pixels * channels..][..pixels * channels].to_vec()
         };
-        let (color, depth, normal) = (part(BufferId::Color, 4), part(BufferId::Depths, 1), part(BufferId::Normals, 4));
+        let (color, depth, normal) =
+            (part(PassBuffer::Color, 4), part(PassBuffer::Depths, 1), part(PassBuffer::Normals, 4));
         let alpha: Vec<f32> = color.iter().skip(3).step_by(4).copied().collect();
         assert!(alpha.iter().any(|&a| a > 0.1), "an empty image");
         let plain = FrameImage::Color { srgb: false };
@@ -163,7 +164,7 @@ fn images_that_do_not_fit_are_errors() {
     let host = Host::new(&engine, &rasterizer, plan_of(&rasterizer, &case));
     run(&engine, &host.pass);
     let silhouette = stored(&engine, &host.pass, FrameImage::Silhouette, 0, ImageFormat::R32Float);
-    assert_eq!(silhouette, bytemuck::cast_slice::<f32, u8>(&host.floats(BufferId::Silhouette)[..37 * 21]));
+    assert_eq!(silhouette, bytemuck::cast_slice::<f32, u8>(&host.floats(PassBuffer::Silhouette)[..37 * 21]));
 
     let (kept, target) = image(&engine, ImageFormat::R32Float, (37, 21));
     let (small, small_target) = image(&engine, ImageFormat::R32Float, (36, 21));

@@ -12,8 +12,8 @@ use crate::host::{Host, assert_silent, difference, engine, error, plan_backward,
 use ash::vk;
 use gpu_allocator::MemoryLocation;
 use softras::embed::{
-    BufferId, BufferRef, CameraMatrices, ClipSpace, Draw, FrameImage, GeometryGradients, HostCommands, ImageFormat,
-    IndexFormat, Layout, MemoryKind, MeshBuffers, MeshLook, Pass, PassBuilder, PassMemory, PassMesh, PassStatus,
+    BufferRef, CameraMatrices, ClipSpace, Draw, FrameImage, GeometryGradients, HostCommands, ImageFormat, IndexFormat,
+    Layout, MemoryKind, MeshBuffers, MeshLook, Pass, PassBuffer, PassBuilder, PassMemory, PassMesh, PassStatus,
     Rasterizer,
 };
 use softras::glam::{DMat4, DVec3};
@@ -174,7 +174,7 @@ impl Bound {
     fn color(&mut self, engine: &Engine) -> Vec<f32> {
         self.pass.write_frame(self.memory.upload.bytes_mut()).unwrap();
         run(engine, &self.pass);
-        self.memory.floats(&self.pass, BufferId::Color)
+        self.memory.floats(&self.pass, PassBuffer::Color)
     }
 }
 
@@ -198,7 +198,7 @@ fn gradients_of_a_frame_that_never_ran_end() {
     host.pass.record_forward(&mut thrown_away.host()).unwrap();
     submit(&engine, |commands| host.pass.record_backward(commands).unwrap());
     assert_ne!(host.memory.whole_word(&host.pass), 1);
-    assert!(host.floats(BufferId::VertexGradients).iter().all(|&g| g == 0.0));
+    assert!(host.floats(PassBuffer::VertexGradients).iter().all(|&g| g == 0.0));
     drop((thrown_away, host, rasterizer));
     assert_silent(engine);
 }
@@ -366,15 +366,15 @@ fn gradients_are_decoded_from_what_was_read_back() {
     let expected = simple.backward(&frame, &upstream, &wanted).unwrap();
     let mesh = PassMesh::new(model.positions().len() as u32, indices(&model));
     let plan = builder(&rasterizer, &[mesh], &case).lights(Lights::official()).gradients(wanted).inside_planes();
-    let read = |ids: &[BufferId]| {
+    let read = |ids: &[PassBuffer]| {
         let mut bound = Bound::new(&engine, &rasterizer, &model, plan.clone().read_back(ids));
         bound.memory.write_upstream(&bound.pass, &upstream);
         run(&engine, &bound.pass);
         bound.pass.decode_gradients(bound.memory.readback.bytes()).unwrap()
     };
-    let all = read(&[BufferId::Totals, BufferId::VertexGradients]);
+    let all = read(&[PassBuffer::Totals, PassBuffer::VertexGradients]);
     assert_eq!(crate::common::gradient::same_gradient_bits(&all, &expected), Ok(()));
-    let totals = read(&[BufferId::Totals]);
+    let totals = read(&[PassBuffer::Totals]);
     assert_eq!((totals.cameras, totals.lights), (expected.cameras, expected.lights));
     assert!(totals.meshes[0].positions.is_empty());
     drop(simple);
@@ -405,7 +405,7 @@ fn indices_out_of_range_stay_in_their_mesh() {
         let pass = bind(&rasterizer, &plan, &mut memory, &[buffers]);
         run(&engine, &pass);
         assert_eq!(pass.status(memory.readback.bytes()).unwrap(), PassStatus::Whole);
-        memory.floats(&pass, BufferId::Color)
+        memory.floats(&pass, PassBuffer::Color)
     };
     let expected = color(last);
     for out in [last + 1, 1 << 20, u32::MAX] {
@@ -426,7 +426,7 @@ fn passes_share_a_workspace_and_cameras_come_by_a_copy() {
     let angles = |angle| Camera::from_angles(3.0, 20.0, angle, Projection::Perspective { fov_y: 0.8 }).unwrap();
     let plan_of = |model: &Mesh| {
         let plan = builder(&rasterizer, &[pass_mesh(model)], &case).gradients(GradientRequest::default());
-        plan.usage(MemoryKind::Upload, vk::BufferUsageFlags::TRANSFER_DST).read_back(&[BufferId::Color])
+        plan.usage(MemoryKind::Upload, vk::BufferUsageFlags::TRANSFER_DST).read_back(&[PassBuffer::Color])
     };
     let alone = |model: &Mesh, angle| {
         let mut bound = Bound::new(&engine, &rasterizer, model, plan_of(model).cameras(&[angles(angle)]));
@@ -459,7 +459,7 @@ fn passes_share_a_workspace_and_cameras_come_by_a_copy() {
         }
     });
     for (bound, expected) in [(&one, alone(&model, 120.0)), (&two, alone(&other, 30.0))] {
-        let (at, size) = bound.pass.plan().readback_part(BufferId::Color).unwrap();
+        let (at, size) = bound.pass.plan().readback_part(PassBuffer::Color).unwrap();
         assert_eq!(
             difference(&bound.memory.readback.floats(at, size as usize / 4), &expected[..size as usize / 4]),
             None
