@@ -5,6 +5,7 @@ mod background;
 mod camera_files;
 mod files;
 mod folder;
+mod kept;
 mod maps;
 mod masks;
 mod parts;

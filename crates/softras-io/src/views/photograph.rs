@@ -2,6 +2,7 @@
 
 use super::{
     Views, ViewsOptions,
+    kept::Kept,
     parts::{Part, parts},
 };
 use crate::Curve;
@@ -29,8 +30,7 @@ pub struct Photograph {
     corner: [usize; 2],
     /// Pixels of the whole picture along a side of one that is kept.
     step: usize,
-    /// sRGB and the silhouette, not multiplied by each other.
-    pixels: Arc<RgbaImage>,
+    pixels: Arc<Kept>,
     /// The gains that channels are divided by, and the values from which on they are only bounds.
     levels: [[f64; 2]; 3],
 }
@@ -44,8 +44,7 @@ impl Photograph {
         let kept = if most.is_some() { object } else { all };
         let sides = [0, 1].map(|k| kept.high[k] - kept.low[k]);
         let step = most.map_or(1, |most| sides[0].max(sides[1]).div_ceil(most));
-        let is_whole = step == 1 && kept.low == all.low && kept.high == all.high;
-        let pixels = if is_whole { picture } else { smaller(&picture, kept.low, sides, step) };
+        let pixels = smaller(&picture, kept.low, sides, step);
         let levels = [[1.0, f64::INFINITY]; 3];
         Self { whole, lens, object, corner: kept.low, step, pixels: Arc::new(pixels), levels }
     }
@@ -73,12 +72,12 @@ impl Photograph {
 
     /// Columns and rows of the part.
     pub fn size(&self) -> (u32, u32) {
-        self.pixels.dimensions()
+        self.pixels.size()
     }
 
     /// The linear colour of a pixel of the part, over black, and its silhouette. A channel below 0 is at least its opposite.
     pub fn pixel(&self, column: u32, row: u32) -> [f32; 4] {
-        let pixel = premultiplied(&self.pixels[(column, row)]);
+        let pixel = premultiplied(&self.pixels.pixel(column, row));
         let [r, g, b] = [0, 1, 2].map(|k| {
             let ([gain, end], value) = (self.levels[k], f64::from(pixel[k]));
             (if value < end { value } else { -value } / gain) as f32
@@ -94,8 +93,8 @@ impl Photograph {
     /// Linear colour over black, and alpha, of the whole picture at a column and a row.
     fn at(&self, column: usize, row: usize) -> [f32; 4] {
         let place = |x: usize, k: usize| Some((x.checked_sub(self.corner[k])? / self.step) as u32);
-        let pixel = || self.pixels.get_pixel_checked(place(column, 0)?, place(row, 1)?);
-        pixel().map_or([0.0; 4], premultiplied)
+        let pixel = || Some(self.pixels.pixel(place(column, 0)?, place(row, 1)?));
+        pixel().map_or([0.0; 4], |pixel| premultiplied(&pixel))
     }
 
     /// Whether the border of the picture cuts the object.
@@ -127,7 +126,7 @@ impl Photograph {
 
     /// A crop of `size` columns and rows: means over areas, with nothing beyond the border.
     fn crop(&self, corner: [f64; 2], sides: [f64; 2], size: [usize; 2], mut push: impl FnMut([f64; 4])) {
-        let kept = [self.pixels.width() as usize, self.pixels.height() as usize];
+        let kept = [self.size().0 as usize, self.size().1 as usize];
         // The kept pixels that each column and each row of the crop covers, with their shares.
         let [columns, rows] = [0, 1].map(|k| {
             let step = sides[k] / size[k] as f64 / self.step as f64;
@@ -144,7 +143,7 @@ impl Photograph {
             let mut sums = [0.0; 4];
             for (y, down) in row {
                 for (x, along) in column {
-                    let pixel = self.pixels[(*x, *y)];
+                    let pixel = self.pixels.pixel(*x, *y);
                     // Most of a picture is background.
                     if pixel.0[3] > 0 {
                         let value = premultiplied(&pixel);
@@ -353,9 +352,9 @@ fn object(picture: &RgbaImage) -> Option<Part> {
 }
 
 /// A part of a picture, with means of `step` by `step` pixels.
-fn smaller(picture: &RgbaImage, [left, top]: [usize; 2], sides: [usize; 2], step: usize) -> RgbaImage {
+fn smaller(picture: &RgbaImage, [left, top]: [usize; 2], sides: [usize; 2], step: usize) -> Kept {
     let [width, height] = sides.map(|side| side.div_ceil(step) as u32);
-    RgbaImage::from_fn(width, height, |column, row| {
+    Kept::of((width, height), |column, row| {
         let [column, row] = [left + column as usize * step, top + row as usize * step].map(|x| x as u32);
         if step == 1 {
             return picture[(column, row)];
