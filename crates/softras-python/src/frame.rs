@@ -3,7 +3,7 @@
 use crate::arrays::{image, image_array};
 use crate::exceptions::exception;
 use crate::gradients::{self, Gradients, Shapes};
-use crate::renderer::Shared;
+use crate::opened::Opened;
 use crate::settings::wanted;
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
@@ -15,14 +15,14 @@ use std::sync::Arc;
 #[pyclass(module = "softras", frozen)]
 pub struct Frame {
     frame: softras::Frame,
-    shared: Arc<Shared>,
+    shared: Arc<Opened>,
     shapes: Vec<Shapes>,
     saved: bool,
     arrays: [PyOnceLock<Py<PyAny>>; 4],
 }
 
 impl Frame {
-    pub fn new(frame: softras::Frame, shared: Arc<Shared>, scene: &Scene, saved: bool) -> Self {
+    pub fn new(frame: softras::Frame, shared: Arc<Opened>, scene: &Scene, saved: bool) -> Self {
         let shapes = if saved { scene.meshes.iter().map(Shapes::of).collect() } else { Vec::new() };
         Self { frame, shared, shapes, saved, arrays: [const { PyOnceLock::new() }; 4] }
     }

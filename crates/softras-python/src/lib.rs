@@ -12,6 +12,7 @@ mod frame;
 mod gradients;
 mod measure;
 mod mesh;
+mod opened;
 mod pose;
 mod reference;
 mod renderer;

@@ -1,68 +1,23 @@
-//! Renderers: a device with its memory, used by one thread at a time.
+//! Renderers: a device that renders and differentiates.
 
 use crate::arrays::shaped;
 use crate::camera::Camera;
-use crate::exceptions::{Raise, bad_input, exception};
+use crate::exceptions::{Raise, bad_input};
 use crate::frame::Frame;
 use crate::mesh::meshes;
+use crate::opened::Opened;
 use crate::settings;
 use numpy::PyArray1;
 use pyo3::exceptions::PyModuleNotFoundError;
 use pyo3::prelude::*;
 use softras::{DeviceInfo, Error, Loader, RendererOptions, Result, Scene, Settings};
 use std::path::PathBuf;
-use std::sync::{Arc, Mutex, PoisonError};
-
-/// A renderer, shared with its frames, and the process that opened it.
-pub struct Shared {
-    /// `None` only while it is dropped.
-    renderer: Mutex<Option<softras::Renderer>>,
-    process: u32,
-    device: String,
-}
-
-impl Shared {
-    /// Calls the renderer without the interpreter's lock, so that other threads of Python run meanwhile.
-    ///
-    /// # Errors
-    /// `ForkError` in a process that was forked from the renderer's: a driver does not survive a fork.
-    pub fn call<T: Send>(
-        &self,
-        py: Python<'_>,
-        task: impl FnOnce(&mut softras::Renderer) -> Result<T> + Send,
-    ) -> PyResult<T> {
-        if self.process != std::process::id() {
-            return Err(exception(
-                "ForkError",
-                "this renderer was opened before the process was forked, and Vulkan drivers do not survive that: \
-                 open a renderer in each worker, or start workers with the method \"spawn\"",
-            ));
-        }
-        let result = py.detach(|| {
-            let mut renderer = self.renderer.lock().unwrap_or_else(PoisonError::into_inner);
-            renderer.as_mut().map(task)
-        });
-        match result {
-            Some(result) => result.raise(),
-            None => Err(exception("Error", "the renderer is closed: open another")),
-        }
-    }
-}
-
-impl Drop for Shared {
-    fn drop(&mut self) {
-        if self.process != std::process::id() {
-            // The device belongs to the parent process; destroying it here would wait for threads that do not exist.
-            let renderer = self.renderer.get_mut().unwrap_or_else(PoisonError::into_inner).take();
-            std::mem::forget(renderer);
-        }
-    }
-}
+use std::sync::Arc;
 
 /// A Vulkan device that renders and differentiates.
 #[pyclass(module = "softras", frozen)]
 pub struct Renderer {
-    pub shared: Arc<Shared>,
+    pub shared: Arc<Opened>,
 }
 
 /// A scene, its cameras and settings, as the library takes them.
@@ -163,7 +118,7 @@ impl Renderer {
         }
         .raise()?;
         let device = renderer.device_name().to_owned();
-        let shared = Shared { renderer: Mutex::new(Some(renderer)), process: std::process::id(), device };
+        let shared = Opened::new(renderer, device);
         Ok(Self { shared: Arc::new(shared) })
     }
 
@@ -215,7 +170,7 @@ impl Renderer {
     /// The device's name.
     #[getter]
     fn device(&self) -> &str {
-        &self.shared.device
+        self.shared.device()
     }
 
     /// Bytes of device memory that the renderer holds.
@@ -232,10 +187,10 @@ impl Renderer {
     /// The number of the process that opened it.
     #[getter]
     fn process(&self) -> u32 {
-        self.shared.process
+        self.shared.process()
     }
 
     fn __repr__(&self) -> String {
-        format!("softras.Renderer({:?})", self.shared.device)
+        format!("softras.Renderer({:?})", self.shared.device())
     }
 }
