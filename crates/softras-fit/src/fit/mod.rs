@@ -185,6 +185,7 @@ impl Fitting {
             let shape = self.setup.remade(self.run.shape(), at)?;
             self.run.go_on_with(shape, at);
         }
+        self.run.compare(self.setup.views_per_step(at));
         let began = Instant::now();
         let (rate, color_rate) = self.setup.rates(at);
         let losses = self.run.step(work.renderer, &self.setup.settings(at), rate, color_rate)?;

@@ -24,6 +24,10 @@ const EDGE: f64 = 1.5;
 /// after it for a new mesh to converge.
 const RECUT_AT: [f64; 2] = [0.3, 0.6];
 
+/// A fit that begins with its hull compares this many views in each step until this share of the steps: large steps need no more.
+const FEW: usize = 12;
+const FEW_UNTIL: f64 = 0.6;
+
 /// Everything about a fit that does not change while it runs.
 #[derive(Clone, Debug)]
 pub struct Setup {
@@ -37,6 +41,8 @@ pub struct Setup {
     pub iterations: usize,
     /// Steps before which the topology is tested.
     recut_at: Vec<usize>,
+    /// The step from which on all views are compared, or as many as the user asks for.
+    few_until: usize,
     /// Edge length for remeshing, world units.
     edge: Schedule,
     /// Step length of the vertices.
@@ -75,6 +81,7 @@ impl Setup {
             template: begin.mesh,
             iterations,
             recut_at: if recuts { RECUT_AT.map(|s| steps_of(s, iterations)).to_vec() } else { Vec::new() },
+            few_until: if begin.hull && given.views_per_step == 0 { steps_of(FEW_UNTIL, iterations) } else { 0 },
             edge: (from * subject.pixel, to * subject.pixel).into(),
             rate: rate.into(),
             color_rate: given.color_rate.unwrap_or((0.03, 0.005)).into(),
@@ -93,6 +100,11 @@ impl Setup {
     /// Whether the mesh is subdivided or remeshed before a step.
     pub fn remakes(&self, step: usize) -> bool {
         self.given.subdivide_at.contains(&step) || self.given.remesh_at.contains(&step)
+    }
+
+    /// The views that a step compares; 0: all.
+    pub fn views_per_step(&self, step: usize) -> usize {
+        if step < self.few_until { FEW } else { self.given.views_per_step }
     }
 
     /// Whether the topology is tested before a step.

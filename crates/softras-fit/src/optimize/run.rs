@@ -101,6 +101,16 @@ impl ShapeRun {
         steps_of_a_turn(self.shape.options().views_per_step, self.targets.cameras.len())
     }
 
+    /// Compares another number of views from the next step on. Losses of fewer views are not those of all, so the best mesh is looked
+    /// for anew.
+    pub(crate) fn compare(&mut self, views_per_step: usize) {
+        if views_per_step != self.shape.options().views_per_step {
+            self.shape.options.views_per_step = views_per_step;
+            (self.best, self.before, self.first) = (None, None, self.next);
+            self.latest.clear();
+        }
+    }
+
     /// Goes on with another shape from a step on, and remembers the best mesh of those before.
     pub(crate) fn go_on_with(&mut self, shape: ShapeFit, step: usize) {
         self.before = self.least().cloned();

@@ -17,16 +17,20 @@ const NOTHING: Rgba<u8> = Rgba([0; 4]);
 impl Kept {
     /// Keeps what the object has of `size` columns and rows.
     pub fn of(size: (u32, u32), pixel: impl Fn(u32, u32) -> Rgba<u8>) -> Self {
-        let mut kept = Self { size, ..Self::default() };
-        for row in 0..size.1 {
+        let span = |row: u32| {
             let shown = |column: &u32| pixel(*column, row).0[3] > 0;
             let first = (0..size.0).find(shown).unwrap_or(size.0);
-            let end = (first..size.0).rev().find(shown).map_or(first, |last| last + 1);
-            kept.pixels.extend((first..end).map(|column| pixel(column, row)));
-            kept.rows.push((first, kept.pixels.len()));
+            first..(first..size.0).rev().find(shown).map_or(first, |last| last + 1)
+        };
+        let spans: Vec<_> = (0..size.1).map(span).collect();
+        // Of the exact size, since a fit holds one for each photograph.
+        let mut pixels = Vec::with_capacity(spans.iter().map(ExactSizeIterator::len).sum());
+        let mut rows = Vec::with_capacity(spans.len());
+        for (row, span) in (0..).zip(spans) {
+            rows.push((span.start, pixels.len() + span.len()));
+            pixels.extend(span.map(|column| pixel(column, row)));
         }
-        kept.pixels.shrink_to_fit();
-        kept
+        Self { size, rows, pixels }
     }
 
     /// Columns and rows.

@@ -48,7 +48,7 @@ pub struct StepLosses {
 /// A shape fit in progress, computed in f64 around a renderer.
 #[derive(Clone, Debug)]
 pub struct ShapeFit {
-    options: ShapeOptions,
+    pub(crate) options: ShapeOptions,
     topology: Topology,
     scene: Scene,
     parameters: Parameters,
