@@ -153,7 +153,7 @@ impl FramePlan {
     }
 
     /// Plans a frame as [`new`](Self::new) does, with a choice of the rarely needed kernels. The others are neither compiled nor
-    /// recorded; [`Status::next`](crate::embed::Status::next) says whether the frame is complete without them.
+    /// recorded; [`Status::next`](super::status::Status::next) says whether the frame is complete without them.
     pub(crate) fn of(
         limits: &Limits,
         kind: DeviceKind,

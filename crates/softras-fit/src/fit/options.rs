@@ -99,7 +99,7 @@ pub struct FitOptions {
     /// Samples along each side of a pixel of the views.
     pub samples: usize,
     /// Compare this many views in each step, cycling through all of them; 0: all, but twelve in the first 0.6 of the steps from a
-    /// hull.
+    /// hull of 24 or more.
     pub views_per_step: usize,
     /// How strongly steps are smoothed over the surface, λ of (I + λ L)⁻¹; `None`: 5, 2 from a hull of one colour.
     pub smoothing: Option<f64>,

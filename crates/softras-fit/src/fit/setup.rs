@@ -24,7 +24,8 @@ const EDGE: f64 = 1.5;
 /// after it for a new mesh to converge.
 const RECUT_AT: [f64; 2] = [0.3, 0.6];
 
-/// A fit that begins with its hull compares this many views in each step until this share of the steps: large steps need no more.
+/// A fit of at least twice as many views that begins with their hull compares this many in each step until this share of the steps:
+/// large steps need no more.
 const FEW: usize = 12;
 const FEW_UNTIL: f64 = 0.6;
 
@@ -81,7 +82,11 @@ impl Setup {
             template: begin.mesh,
             iterations,
             recut_at: if recuts { RECUT_AT.map(|s| steps_of(s, iterations)).to_vec() } else { Vec::new() },
-            few_until: if begin.hull && given.views_per_step == 0 { steps_of(FEW_UNTIL, iterations) } else { 0 },
+            few_until: if begin.hull && given.views_per_step == 0 && given.fitted(subject).len() >= 2 * FEW {
+                steps_of(FEW_UNTIL, iterations)
+            } else {
+                0
+            },
             edge: (from * subject.pixel, to * subject.pixel).into(),
             rate: rate.into(),
             color_rate: given.color_rate.unwrap_or((0.03, 0.005)).into(),

@@ -321,7 +321,7 @@ pub struct MethodArgs {
     /// Samples rendered along each side of a pixel
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=8))]
     pub samples: Option<u32>,
-    /// Compare N views in each step, cycling through all of them [default: 12 in the first 0.6 of the steps from a hull, then all]
+    /// Compare N views in each step, cycling through all of them [default: all; of 24 or more 12 in the first 0.6 of the steps from a hull]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub views_per_step: Option<u32>,
     /// λ of (I + λL)⁻¹, smooths steps [default: 5; 2 if lit]
