@@ -4,8 +4,9 @@ use crate::common;
 use crate::meshes::{PERSPECTIVE, cameras, cube, mapped, moved};
 use softras::scene::{Appearance, Outputs};
 use softras::{Error, Frame, Image, ImageGradient, Lights, Mesh, Renderer, RendererOptions, Scene, Settings, shapes};
-use softras_fit::{ImageLoss, ShapeFit, ShapeOptions, ShapeRun};
+use softras_fit::{Fit, FitOptions, ImageLoss, ShapeFit, ShapeOptions, ShapeRun, ViewsOfMesh};
 use softras_io::Views;
+use std::ops::ControlFlow;
 
 const SIDE: u32 = 32;
 
@@ -165,4 +166,22 @@ fn steps_of_some_of_the_views_take_them_in_turn() {
         }
     }
     assert_eq!(second.mesh().positions(), whole.mesh().positions());
+}
+
+/// Of 24 views the first 0.6 of the steps from their hull compare twelve, and the others all; of 23 views each step compares all.
+#[test]
+fn large_steps_compare_half_of_many_views() {
+    let mut renderer = common::renderer();
+    let mut losses = |count: usize, views_per_step: usize| -> Vec<f64> {
+        let views = ViewsOfMesh { count, size: (SIDE, SIDE), ..ViewsOfMesh::default() };
+        let mut fit = Fit::of_mesh(shapes::torus(0.7, 0.3, 24, 12).unwrap(), &views, &mut renderer).unwrap();
+        fit.options = FitOptions { iterations: Some(5), keep_topology: true, views_per_step, ..fit.options };
+        let fitted = fit.run(&mut renderer, |_| ControlFlow::Continue(())).unwrap();
+        fitted.steps.iter().map(|step| step.losses.loss).collect()
+    };
+    let [of_itself, few, all] = [0, 12, 24].map(|views_per_step| losses(24, views_per_step));
+    assert_eq!(of_itself[..3], few[..3]);
+    assert_ne!(of_itself[0], all[0]);
+    assert_ne!(of_itself[3], few[3], "all views from the fourth step on");
+    assert_eq!(losses(23, 0), losses(23, 23));
 }
