@@ -2,7 +2,7 @@
 
 use crate::{ImageLoss, Subdivision, photographs::subject::Subject};
 use softras::{
-    Mesh,
+    Camera, Mesh,
     scene::{Appearance, Faces},
 };
 use softras_io::Views;
@@ -11,6 +11,10 @@ use softras_io::Views;
 const HOLDS_OUT: usize = 12;
 /// The most views that are held out by default.
 const MOST_HELD_OUT: usize = 3;
+/// Cameras look from opposite sides if the angle between them exceeds this, and is at most `ASIDE` less than that of any. Those of a
+/// ring above the object look down from both sides.
+const OPPOSITE: f64 = 100.0 / 180.0 * std::f64::consts::PI;
+const ASIDE: f64 = 10.0 / 180.0 * std::f64::consts::PI;
 /// The most pixels along a side of crops for a first look.
 const QUICK_CROP: usize = 96;
 
@@ -168,6 +172,11 @@ impl Default for FitOptions {
     }
 }
 
+/// The angle between the directions of two cameras.
+fn angle(one: &Camera, other: &Camera) -> f64 {
+    one.axes()[2].angle_between(other.axes()[2])
+}
+
 impl FitOptions {
     /// Whether the fit is one of the template's texels alone.
     pub(crate) fn keeps_shape(&self) -> bool {
@@ -181,7 +190,23 @@ impl FitOptions {
         let spared = subject.truth.is_none() && used.len() >= HOLDS_OUT;
         let default = if spared { (used.len() / 8).min(MOST_HELD_OUT) } else { 0 };
         let count = self.hold_out.unwrap_or(default).min(used.len().saturating_sub(1));
-        (0..count).map(|i| used[(2 * i + 1) * used.len() / (2 * count)]).collect()
+        let cameras = &subject.views.cameras;
+        let mut held_out: Vec<usize> = Vec::new();
+        for i in 0..count {
+            let share = &used[i * used.len() / count..(i + 1) * used.len() / count];
+            let middle = used[(2 * i + 1) * used.len() / (2 * count)];
+            // Views from opposite sides show one outline. The other views tell it only as long as one of the two is fitted.
+            let is_opposite = |view: &usize| {
+                held_out.iter().any(|other| {
+                    let farthest = used.iter().map(|any| angle(&cameras[*any], &cameras[*other])).fold(0.0, f64::max);
+                    angle(&cameras[*view], &cameras[*other]) > f64::max(farthest - ASIDE, OPPOSITE)
+                })
+            };
+            let nearest =
+                share.iter().copied().filter(|view| !is_opposite(view)).min_by_key(|view| view.abs_diff(middle));
+            held_out.push(nearest.unwrap_or(middle));
+        }
+        held_out
     }
 
     /// The numbers of the views that are compared.

@@ -1,6 +1,9 @@
 //! The object before a plain background, whose colour and noise the border of an opaque picture shows.
 
-use super::parts::{Part, parts};
+use super::{
+    parts::{Part, parts},
+    surface,
+};
 use image::{Rgba, RgbaImage};
 
 /// The width of the border that is looked at, as a share of the shorter side.
@@ -19,6 +22,8 @@ const LOSSY: f64 = 32.0;
 const WAVES: u8 = 6;
 const SQUARE: usize = 5;
 const LEAST_DARK: usize = 18;
+/// Pixels of the picture that tell a second surface from the object, about.
+const SURFACE_SAMPLES: usize = 1 << 16;
 /// Backgrounds of one set that differ by more are not the same.
 const ALIKE: f64 = 48.0;
 /// Smaller parts and holes of a noisy picture's object, as shares of its area, are noise.
@@ -31,6 +36,8 @@ pub struct Plain {
     colors: [[f64; 6]; 3],
     /// The most that a channel of it differs from that.
     tolerance: f64,
+    /// How far a second surface differs that the border shows, such as a cloth.
+    surface: Option<u8>,
 }
 
 /// A place and the colour there.
@@ -41,7 +48,7 @@ impl Plain {
     pub fn of(picture: &RgbaImage, is_lossy: bool) -> Option<Self> {
         let border = border(picture);
         let median = [0, 1, 2].map(|k| quantile(border.iter().map(|(_, color)| color[k]), 0.5));
-        let mut plain = Self { colors: median.map(|x| [x, 0.0, 0.0, 0.0, 0.0, 0.0]), tolerance: 0.0 };
+        let mut plain = Self { colors: median.map(|x| [x, 0.0, 0.0, 0.0, 0.0, 0.0]), tolerance: 0.0, surface: None };
         if plain.differs(&border, 0.5) > 0.0 {
             for _ in 0..8 {
                 let near = 1.0 + REACH * plain.differs(&border, 0.5);
@@ -52,7 +59,7 @@ impl Plain {
         // The background's own pixels, without what of the object the border shows.
         let own: Vec<Sample> =
             border.iter().filter(|sample| plain.distance(sample) <= 4.0 + 2.0 * REACH * middle).copied().collect();
-        if middle > ROUGHEST || (own.len() as f64) < LEAST_SHARE * border.len() as f64 {
+        if middle > ROUGHEST {
             return None;
         }
         plain.tolerance = match plain.differs(&own, 0.98) {
@@ -62,9 +69,16 @@ impl Plain {
         if is_lossy {
             plain.tolerance = if middle < 1.0 { LOSSY } else { plain.tolerance.max(LOSSY / 2.0) };
         }
+        let distances: Vec<f64> = border.iter().map(|sample| plain.distance(sample)).collect();
+        let all = inner(picture, SURFACE_SAMPLES).map(|sample| plain.distance(&sample));
+        plain.surface = if plain.tolerance > 0.0 { surface::reach(&distances, all, plain.ground()) } else { None };
+        let reach = plain.surface.map_or(4.0 + 2.0 * REACH * middle, f64::from);
+        if (distances.iter().filter(|x| **x <= reach).count() as f64) < LEAST_SHARE * border.len() as f64 {
+            return None;
+        }
         // The pixels inside the border show how the background goes on there.
         if plain.tolerance > 0.0 && middle > 0.0 {
-            plain.fit(&inner(picture), plain.tolerance)?;
+            plain.fit(&inner(picture, SAMPLES).collect::<Vec<_>>(), plain.tolerance)?;
         }
         Some(plain)
     }
@@ -90,7 +104,12 @@ impl Plain {
     /// A note on it; `None` where it is wholly black, and there is no doubt.
     pub fn told(&self) -> Option<String> {
         let is_exact = self.tolerance == 0.0 && self.colors.iter().all(|channel| channel[0] == 0.0);
-        (!is_exact).then(|| "the plain background is cut away (alpha or a mask says it exactly)".into())
+        let what = if self.surface.is_some() {
+            "plain background, and another surface at the border,"
+        } else {
+            "plain background"
+        };
+        (!is_exact).then(|| format!("the {what} is cut away (alpha or a mask says it exactly)"))
     }
 
     /// Makes the background of an opaque picture transparent. A pixel of the outline is a mixture: its alpha is its distance from the
@@ -104,11 +123,13 @@ impl Plain {
             distances.extend(pixels.enumerate().map(|(column, pixel)| away(pixel, &along(column)).round() as u8));
         }
         let black = self.tolerance.min(254.0) as u8;
-        let is_dark = black == LOSSY as u8 && self.colors.iter().all(|channel| channel[0] < f64::from(WAVES));
-        let dark = if is_dark { dark_surfaces(&distances, size, black) } else { Vec::new() };
+        let dark =
+            if self.surface.is_none() && self.is_black() { dark_surfaces(&distances, size, black) } else { Vec::new() };
         // From here on all of the background is 0.
-        let ground = distances.iter_mut().filter(|distance| **distance <= black);
-        ground.for_each(|distance| *distance = 0);
+        match self.surface {
+            Some(reach) => surface::cut(&mut distances, size, self.ground() as u8, reach),
+            None => distances.iter_mut().filter(|distance| **distance <= black).for_each(|distance| *distance = 0),
+        }
         dark.into_iter().for_each(|(at, distance)| distances[at] = distance);
         // An edge before a real background is blurred, and one that was painted is not.
         let reach = if self.tolerance > 0.0 { 2 } else { 1 };
@@ -146,6 +167,16 @@ impl Plain {
         if self.tolerance > 0.0 {
             mend(picture, size);
         }
+    }
+
+    /// Whether it is black in a format that changes pixels.
+    fn is_black(&self) -> bool {
+        self.tolerance == LOSSY && self.colors.iter().all(|channel| channel[0] < f64::from(WAVES))
+    }
+
+    /// How far its own pixels differ from it, beyond which a second surface or a shadow may lie.
+    fn ground(&self) -> f64 {
+        if self.is_black() { WAVES.into() } else { self.tolerance }
     }
 
     /// The colours along a row of a picture.
@@ -244,12 +275,12 @@ fn border(picture: &RgbaImage) -> Vec<Sample> {
     along.chain(down).step_by(step).map(|(column, row)| sample(picture, column, row)).collect()
 }
 
-/// Samples of all of a picture.
-fn inner(picture: &RgbaImage) -> Vec<Sample> {
+/// Samples of all of a picture, about so many.
+fn inner(picture: &RgbaImage, count: usize) -> impl Iterator<Item = Sample> {
     let (width, height) = (picture.width() as usize, picture.height() as usize);
-    let step = (width * height / SAMPLES).isqrt().max(1);
+    let step = (width * height / count).isqrt().max(1);
     let rows = (step / 2..height).step_by(step);
-    rows.flat_map(|row| (step / 2..width).step_by(step).map(move |column| sample(picture, column, row))).collect()
+    rows.flat_map(move |row| (step / 2..width).step_by(step).map(move |column| sample(picture, column, row)))
 }
 
 /// The value that a share of some values is at most.

@@ -11,6 +11,8 @@ use std::{
     path::{Path, PathBuf},
 };
 
+/// The words of a picture in a `_par.txt`.
+const COLUMNS: usize = 22;
 const OPENCV: DVec3 = DVec3::new(1.0, -1.0, 1.0);
 
 /// The lens of an upper triangular K; `None` for another matrix.
@@ -19,12 +21,18 @@ pub(super) fn lens([[fx, skew, cx], [zero, fy, cy], [a, b, one]]: [[f64; 3]; 3])
     off.iter().all(|x| x.abs() <= ROUNDING).then_some(Lens::Pixels { fx, fy, cx, cy, skew })
 }
 
-/// The pictures of a `_par.txt`: their count, then for each a line of its name, K, R and t, row by row.
+/// The pictures of a `_par.txt`: their count, then for each a line of its name, K, R and t, row by row. In place of the count there may
+/// be the names of the columns, or nothing.
 pub(super) fn middlebury(path: &Path) -> Result<Vec<Entry>> {
     let text = text::whole(path, input::read(path, MAX_JSON)?)?;
     let mut views = Vec::new();
-    let mut lines = text.lines().filter(|line| !line.trim().is_empty());
-    let count = lines.next().and_then(|line| line.trim().parse().ok());
+    let mut lines = text.lines().filter(|line| !line.trim().is_empty()).peekable();
+    let count = lines.peek().and_then(|line| line.trim().parse::<usize>().ok());
+    let is_header = |line: &str| line.split_whitespace().skip(1).all(|word| word.parse::<f64>().is_err());
+    if count.is_some() || lines.peek().is_some_and(|line| line.split_whitespace().count() == COLUMNS && is_header(line))
+    {
+        lines.next();
+    }
     for line in lines {
         let place = format!("picture {}", views.len());
         let mut words = line.split_whitespace();
@@ -40,9 +48,9 @@ pub(super) fn middlebury(path: &Path) -> Result<Vec<Entry>> {
             .or_else(|what| refuse(path, format!("{place}: {what}"), "give R as a rotation"))?;
         views.push(Entry::new(file, place, view, lens));
     }
-    if count != Some(views.len()) {
-        let what = format!("{} pictures, but the first line says otherwise", views.len());
-        return refuse(path, what, "begin with the number of pictures");
+    if let Some(count) = count.filter(|count| *count != views.len()) {
+        let what = format!("{} pictures, but the first line says {count}", views.len());
+        return refuse(path, what, "give a line for each picture");
     }
     Ok(views)
 }

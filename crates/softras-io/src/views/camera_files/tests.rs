@@ -239,7 +239,11 @@ fn points_project_by_matrices_with_skew() {
     let intrinsics = serde_json::json!([{ "file": "a.png", "intrinsics": k, "world_to_camera": [
         [rows[0][0], rows[0][1], rows[0][2], t[0]], [rows[1][0], rows[1][1], rows[1][2], t[1]],
         [rows[2][0], rows[2][1], rows[2][2], t[2]], [0, 0, 0, 1]] }]);
-    for (name, text) in [("thing_par.txt", format!("1\na.png {words}\n")), ("cameras.json", intrinsics.to_string())] {
+    let header = format!("name{}", " k".repeat(21));
+    let lists = ["1\n".to_string(), String::new(), header + "\n"]
+        .map(|first| ("thing_par.txt", format!("{first}a.png {words}\n")));
+    let lists = lists.into_iter().chain([("cameras.json", intrinsics.to_string())]);
+    for (name, text) in lists {
         let camera = cameras(&[(name, &text)]).unwrap()[0];
         let size = (SIZE.0 as usize, SIZE.1 as usize);
         let written = String::from_utf8(super::cameras(&["a.png".into()], &[camera], size)).unwrap();
