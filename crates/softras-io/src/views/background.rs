@@ -127,7 +127,7 @@ impl Plain {
             if self.surface.is_none() && self.is_black() { dark_surfaces(&distances, size, black) } else { Vec::new() };
         // From here on all of the background is 0.
         match self.surface {
-            Some(reach) => surface::cut(&mut distances, size, self.ground() as u8, reach),
+            Some(reach) => surface::cut(&mut distances, size, self.ground().min(254.0) as u8, reach),
             None => distances.iter_mut().filter(|distance| **distance <= black).for_each(|distance| *distance = 0),
         }
         dark.into_iter().for_each(|(at, distance)| distances[at] = distance);
