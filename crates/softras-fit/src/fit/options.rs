@@ -7,7 +7,7 @@ use softras::{
 };
 use softras_io::Views;
 
-/// With at least this many views some are held out by default. With fewer the shape needs all of them.
+/// By default one of so many views is held out. Where there are fewer, the shape needs all of them.
 const HOLDS_OUT: usize = 12;
 /// The most views that are held out by default.
 const MOST_HELD_OUT: usize = 3;
@@ -79,8 +79,8 @@ pub struct FitOptions {
     pub crop: usize,
     /// Use every `view_stride`th view.
     pub view_stride: usize,
-    /// The number of views that are not fitted and by which the result is judged, spread over all; `None`: an eighth if there are twelve
-    /// or more, at most three, and none if they were rendered of a mesh. At least one view is fitted.
+    /// The number of views that are not fitted and by which the result is judged, spread over all; `None`: one of every twelve, at most
+    /// three, and none if they were rendered of a mesh. At least one view is fitted.
     pub hold_out: Option<usize>,
     /// The set of defaults.
     pub preset: Preset,
@@ -187,8 +187,7 @@ impl FitOptions {
     /// The views that are held out of the fit.
     pub(crate) fn held_out(&self, subject: &Subject) -> Vec<usize> {
         let used: Vec<usize> = (0..subject.views.cameras.len()).step_by(self.view_stride.max(1)).collect();
-        let spared = subject.truth.is_none() && used.len() >= HOLDS_OUT;
-        let default = if spared { (used.len() / 8).min(MOST_HELD_OUT) } else { 0 };
+        let default = if subject.truth.is_none() { (used.len() / HOLDS_OUT).min(MOST_HELD_OUT) } else { 0 };
         let count = self.hold_out.unwrap_or(default).min(used.len().saturating_sub(1));
         let cameras = &subject.views.cameras;
         let mut held_out: Vec<usize> = Vec::new();

@@ -22,19 +22,20 @@ fn fitted(views: &Views, hold_out: Option<usize>, renderer: &mut Renderer) -> Fi
 fn views_that_are_held_out_judge_and_change_nothing() {
     let mut renderer = renderer();
     let good = views(&mut renderer, &solid(), around(16), (48, 48));
-    let by_default = fitted(&good, None, &mut renderer);
-    // The twelfth looks from the opposite side of the fourth.
-    assert_eq!(by_default.scores.held_out, [4, 11]);
+    assert_eq!(fitted(&good, None, &mut renderer).scores.held_out, [8]);
+    let first = fitted(&good, Some(2), &mut renderer);
+    // View 12 looks from the opposite side of view 4.
+    assert_eq!(first.scores.held_out, [4, 11]);
     let mut other = good.clone();
     let pixels = 48 * 48;
     let mask = &mut other.silhouette.as_mut().unwrap().data[4 * pixels..5 * pixels];
     // Within the mask, which tells how large the object is.
     (20..27).for_each(|row| mask[48 * row + 19..48 * row + 29].fill(0.0));
-    let judged = fitted(&other, None, &mut renderer);
-    assert!(judged.mesh.positions() == by_default.mesh.positions());
-    let [before, after] = [&by_default, &judged].map(|fitted| fitted.scores.held_out_mask_iou().unwrap());
+    let judged = fitted(&other, Some(2), &mut renderer);
+    assert!(judged.mesh.positions() == first.mesh.positions());
+    let [before, after] = [&first, &judged].map(|fitted| fitted.scores.held_out_mask_iou().unwrap());
     assert!(before > 0.7 && after < before - 0.02, "{after}, {before}");
-    assert_eq!(judged.scores.fitted, by_default.scores.fitted);
+    assert_eq!(judged.scores.fitted, first.scores.fitted);
     assert!(judged.scores.sentence().contains("over the fitted views"), "{}", judged.scores.sentence());
     // Without them the changed view carves the object.
     let all = fitted(&other, Some(0), &mut renderer).scores;

@@ -150,7 +150,7 @@ class Views:
         shows are filled, each with a note, unless `keep_views`. Cameras that disagree with the silhouettes are refined, with a note,
         unless `keep_cameras`. Exposures that differ are leveled unless `keep_exposure`. Large pictures are cropped to the object, to at
         most `crop` pixels a side; 0 keeps them as they are. A texture is taken from the pictures as given. `hold_out` views are not
-        fitted and judge the result; None is an eighth of twelve views or more, at most three. `report` is a file of HTML: each view
+        fitted and judge the result; None is one of every twelve views, at most three. `report` is a file of HTML: each view
         beside the mesh, the cameras and the losses. `progress(step, loss)` is called after every step, and before the first one with
         (0, nan); its attribute `note`, if it has one, is called with each note as it comes. True draws a bar by tqdm. An exception
         in it, or Ctrl-C, ends the fit.

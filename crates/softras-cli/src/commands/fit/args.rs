@@ -103,7 +103,7 @@ pub struct TargetArgs {
     /// Use only every N-th view
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), default_value_t = 1)]
     pub view_stride: u32,
-    /// Judge the fit by N views that it does not use [default: an eighth of 12 views or more, at most 3]
+    /// Judge the fit by N views that it does not use [default: one of every 12 views, at most 3]
     #[arg(long, value_name = "N")]
     pub hold_out: Option<u32>,
     /// Do not refine cameras, even where they disagree with views
