@@ -241,7 +241,7 @@ FAULTS = [
      ["io views::a_second_surface"]),
     ("views: shadows are the cloth", "crates/softras-io/src/views/surface.rs", "*distance <= reach && is_beside()", "*distance <= reach",
      ["io views::a_second_surface"]),
-    ("held-out views from opposite sides", "crates/softras-fit/src/fit/options.rs", "f64::max(farthest - ASIDE, OPPOSITE)", "f64::MAX",
+    ("held-out views from opposite sides", "crates/softras-fit/src/fit/options.rs", "f64::max(farthest - ASIDE, OPPOSITE)));", "f64::MAX));",
      ["fit photos::views_that_are_held"]),
     ("views: backgrounds of one brightness", "crates/softras-io/src/views/background.rs", "if plain.differs(&border, 0.5) > 0.0 {", "if false {",
      ["io views::plain"]),

@@ -2,7 +2,7 @@
 
 use crate::{ImageLoss, Subdivision, photographs::subject::Subject};
 use softras::{
-    Camera, Mesh,
+    Mesh,
     scene::{Appearance, Faces},
 };
 use softras_io::Views;
@@ -172,11 +172,6 @@ impl Default for FitOptions {
     }
 }
 
-/// The angle between the directions of two cameras.
-fn angle(one: &Camera, other: &Camera) -> f64 {
-    one.axes()[2].angle_between(other.axes()[2])
-}
-
 impl FitOptions {
     /// Whether the fit is one of the template's texels alone.
     pub(crate) fn keeps_shape(&self) -> bool {
@@ -190,22 +185,21 @@ impl FitOptions {
         let default = if subject.truth.is_none() { (used.len() / HOLDS_OUT).min(MOST_HELD_OUT) } else { 0 };
         let count = self.hold_out.unwrap_or(default).min(used.len().saturating_sub(1));
         let cameras = &subject.views.cameras;
-        let mut held_out: Vec<usize> = Vec::new();
+        let angle = |one: usize, other: usize| cameras[one].axes()[2].angle_between(cameras[other].axes()[2]);
+        // Each with the angle beyond which a camera looks from the opposite side.
+        let mut held_out: Vec<(usize, f64)> = Vec::new();
         for i in 0..count {
             let share = &used[i * used.len() / count..(i + 1) * used.len() / count];
             let middle = used[(2 * i + 1) * used.len() / (2 * count)];
             // Views from opposite sides show one outline. The other views tell it only as long as one of the two is fitted.
-            let is_opposite = |view: &usize| {
-                held_out.iter().any(|other| {
-                    let farthest = used.iter().map(|any| angle(&cameras[*any], &cameras[*other])).fold(0.0, f64::max);
-                    angle(&cameras[*view], &cameras[*other]) > f64::max(farthest - ASIDE, OPPOSITE)
-                })
-            };
-            let nearest =
-                share.iter().copied().filter(|view| !is_opposite(view)).min_by_key(|view| view.abs_diff(middle));
-            held_out.push(nearest.unwrap_or(middle));
+            let is_opposite = |view: usize| held_out.iter().any(|(other, most)| angle(view, *other) > *most);
+            let near =
+                share.iter().copied().filter(|view| !is_opposite(*view)).min_by_key(|view| view.abs_diff(middle));
+            let view = near.unwrap_or(middle);
+            let farthest = used.iter().map(|other| angle(view, *other)).fold(0.0, f64::max);
+            held_out.push((view, f64::max(farthest - ASIDE, OPPOSITE)));
         }
-        held_out
+        held_out.into_iter().map(|(view, _)| view).collect()
     }
 
     /// The numbers of the views that are compared.
