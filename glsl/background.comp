@@ -12,6 +12,7 @@ layout(set = 0, binding = 2, std430) writeonly buffer Silhouette { float silhoue
 layout(set = 0, binding = 3, std430) writeonly buffer Depths { float depths[]; };
 layout(set = 0, binding = 4, std430) writeonly buffer Normals { vec4 normals[]; };
 layout(set = 0, binding = 5, std430) writeonly buffer Saved { vec4 saved[]; };
+layout(set = 0, binding = 6, std430) writeonly buffer FeatureImage { vec4 feature_image[]; };
 
 #include "common/constants.glsl"
 #include "common/modes.glsl"
@@ -30,6 +31,9 @@ void main() {
         Pixel p = background_pixel();
         int at = pixel_index(tile.view, pixel);
         write_images(p, at, 1);
+        for (int i = 0; i < FEATURES; ++i) {
+            feature_image[at * FEATURE_ROOM + i] = vec4(0.0);
+        }
         if (SAVE) {
             saved[at] = saved_of(p);
         }

@@ -5,8 +5,8 @@
 #extension GL_KHR_shader_subgroup_shuffle : require
 #endif
 // Backward (eq. 4). For every triangle it sums, over the pixels of the triangle's box, the derivative of the loss by the
-// corners (pixels and depth), their colours, texture coordinates and normals, and by sigma and gamma. It adds the lanes' sums
-// in a fixed order without atomics, so that the bits are the same on every run.
+// corners (pixels and depth), their colours, texture coordinates, normals and features, and by sigma and gamma. It adds the
+// lanes' sums in a fixed order without atomics, so that the bits are the same on every run.
 // One workgroup an item of backward_cull's list (item.glsl), whose lanes take the pixels in turn. A small item takes one lane
 // alone (item_pixels.glsl).
 // Reads the items, the records, `saved`, `pixel_gradients` and `silhouette_gradients`. Writes `partials`, which triangle_grad.comp
@@ -63,6 +63,7 @@ const bool SHOWS = uint(UP_SHADED) * uint(!OUTLINE) != 0u;
 #include "common/item_pixels.glsl"
 #include "common/pair.glsl"
 #include "common/texel_gradient.glsl"
+#include "common/feature_gradient.glsl"
 #include "common/pair_gradient.glsl"
 
 // Lanes that share an item.
@@ -215,6 +216,9 @@ void write_sums(Sums s, Corner c, bool writes, int item) {
         put(writes, at + PARTIAL_NORMAL_AT + 1, vec4(s.normal[1].yz, s.normal[2].xy));
         put(writes, at + PARTIAL_NORMAL_AT + 2, vec4(s.normal[2].z, 0.0, 0.0, 0.0));
     }
+    for (int i = 0; i < 3 * GRAD_FEATURE_TEXELS; ++i) {
+        put(writes, at + PARTIAL_FEATURES_AT + i, feature_sums[i]);
+    }
 }
 
 // The triangle of an item. If the lanes share the item, they read it together.
@@ -225,11 +229,17 @@ ItemTriangle item_triangle_of(int record_index) {
         if (WANT_SHADING) {
             t.corner = corner_of(record_index);
         }
+        for (int i = 0; i < 3 * UP_FEATURE_TEXELS; ++i) {
+            corner_features[i] = texelFetch(shading, record_index * SHADING_STRIDE + SHADING_FEATURES_AT + i);
+        }
     } else {
         Fetched own = fetch_record(record_index);
         t.edges = shared_triangle_of(own);
         if (WANT_SHADING) {
             t.corner = shared_corner_of(own);
+        }
+        for (int i = 0; i < 3 * UP_FEATURE_TEXELS; ++i) {
+            corner_features[i] = shared_shading_texel(own, false, SHADING_FEATURES_AT + i);
         }
     }
     t.choice = edge_choice_of(t.edges, has_surface());
@@ -304,6 +314,7 @@ void add_item(Item item, ItemTriangle triangle) {
     int lane = int(gl_LocalInvocationID.x);
     ItemPixels pixels = pixels_of(item, triangle.edges.origin);
     Sums s = no_sums();
+    clear_feature_sums();
     add_shared(triangle, pixels, s);
     if (GRAD_GEOMETRY) {
         corners_from_barycentrics(triangle.edges, pixels.first, s);
@@ -352,6 +363,7 @@ void main() {
     ItemTriangle triangle = item_triangle_of(item.record_index);
     ItemPixels pixels = pixels_of(item, triangle.edges.origin);
     Sums s = no_sums();
+    clear_feature_sums();
     if (SMALL) {
         add_alone(triangle, pixels, item.size, exists, s);
     } else {

@@ -17,6 +17,7 @@
 
 // In frames that forward_soft.comp serves, forward_long draws the tiles with a thin triangle.
 const bool DRAWS_THIN = true;
+const float FEATURE_UNIT = 1.0;
 #include "common/forward_tile.glsl"
 
 // Adds a fragment to the product of eq. 5, or to what SILHOUETTE_MODE has in its place.
@@ -68,8 +69,8 @@ AddedWeight add_weight(inout Pixel p, int record_index, Fragment f, Corner c, De
     return added;
 }
 
-// Adds a fragment's depth, normal and colour C_j to the sums of eq. 2.
-void add_attributes(inout Pixel p, AddedWeight s, Corner c, vec3 b, float inverse_sum, Depth depth) {
+// Adds a fragment's depth, normal, colour C_j and features to the sums of eq. 2. `i` is the number of the pixel.
+void add_attributes(int i, inout Pixel p, AddedWeight s, Corner c, vec3 b, float inverse_sum, Depth depth) {
     if (WANT_DEPTH) {
         p.depth = p.depth * s.keep_old + s.weight * (c.depth.z / frame.score_high) * depth.ratio;
     }
@@ -89,6 +90,7 @@ void add_attributes(inout Pixel p, AddedWeight s, Corner c, vec3 b, float invers
         }
         p.color = p.color * s.keep_old + color;
     }
+    add_features(i, mixed, s.keep_old);
 }
 
 // Whether a fragment contributes to the shaded images. A fragment beyond far does not contribute to the silhouette either. Only
@@ -156,6 +158,7 @@ void gather(Fetched own, bool live, LaneConstants constants, inout Cover covers[
     Corner c;
     if (WANT_SHADING) {
         c = shared_corner_of(own);
+        read_features(own, false, FEATURE_UNIT);
     }
     SignedDistance distances[PIXELS];
     signed_distances_of(own, live, t, constants, distances);
@@ -197,7 +200,7 @@ void gather(Fetched own, bool live, LaneConstants constants, inout Cover covers[
             added[i] = add_weight(pixels[i], own.record_index, fragments[i], c, depth[i], shaded[i], constants.scale);
         }
         for (int i = 0; i < PIXELS; ++i) {
-            add_attributes(pixels[i], added[i], c, b[i], 1.0 / sum[i], depth[i]);
+            add_attributes(i, pixels[i], added[i], c, b[i], 1.0 / sum[i], depth[i]);
         }
     }
 }
@@ -235,6 +238,7 @@ void gather_word(int from, uint bits, bool shows, LaneConstants constants, inout
         covers[i] = Cover(1.0, 0.0, pixels[i].least, 1.0 - pixels[i].least);
         words[i] = word_of(pixels[i]);
     }
+    clear_feature_words();
     bool live = bits != 0u;
     Fetched next = fetch_record(lowest_record(from, bits));
     do {
@@ -252,7 +256,9 @@ void gather_word(int from, uint bits, bool shows, LaneConstants constants, inout
             add_word_cover(covers[i], pixels[i]);
         }
         if (shows && SHADED) {
-            add_word_shaded(words[i], keep_of(pixels[i], words[i]), pixels[i]);
+            float keep = keep_of(pixels[i], words[i]);
+            add_word_shaded(words[i], keep, pixels[i]);
+            add_word_features(i, keep);
         }
     }
 }

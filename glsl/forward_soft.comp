@@ -19,6 +19,9 @@
 
 // forward_soft_long draws the tiles without a thin triangle.
 const bool DRAWS_THIN = false;
+// The factor of the sums of colours and features. It is less than that of the weights, so that a million of the brightest colours
+// (Mesh::BRIGHTEST) under the brightest lights stay finite.
+const float FEATURE_UNIT = 1048576.0;
 #include "common/forward_tile.glsl"
 
 // The geometry of an entry of a tile's list. With x the column of a lane's pixel i less origin_x, its signed distance to each
@@ -167,9 +170,7 @@ Cover cover_of(Transmittance w) {
 // The factor of all weights in a pixel's sums. Without it the products of small weights and clipped barycentrics would be
 // denormal numbers, each of which costs a processor some hundred cycles.
 const float WEIGHT_UNIT = 1152921504606846976.0;
-// The factor of the colours' sums. It is less than that of the weights, so that a million of the brightest colours
-// (Mesh::BRIGHTEST) under the brightest lights stay finite.
-const float COLOR_UNIT = 1048576.0;
+const float COLOR_UNIT = FEATURE_UNIT;
 
 // Adds an entry to a word's product of eq. 5.
 void add_transmittance(SoftDistance d[PIXELS], inout Transmittance w[PIXELS]) {
@@ -184,9 +185,9 @@ float power_of_two(float x) {
     return intBitsToFloat((int(greater(x, -127.0)) + 127) << 23);
 }
 
-// Adds D exp(ζ/γ) and its products with colour, depth and normal to the sums of eq. 2 and 3. The sums are relative to an
+// Adds D exp(ζ/γ) and its products with colour, depth, normal and features to the sums of eq. 2 and 3. The sums are relative to an
 // integer log weight that is at least the largest so far. A fragment above it first brings them to its own.
-void add_weighted(SoftDistance d, vec3 b, float sum, Depth depth, Corner c, inout Pixel p) {
+void add_weighted(int i, SoftDistance d, vec3 b, float sum, Depth depth, Corner c, inout Pixel p) {
     float log_weight = depth.weight + c.exponent;
     bool nearer = d.kept && log_weight > p.exponent;
     float exponent = nearer ? ceil(log_weight) : p.exponent;
@@ -214,6 +215,7 @@ void add_weighted(SoftDistance d, vec3 b, float sum, Depth depth, Corner c, inou
     if (WANT_NORMAL) {
         p.normal = p.normal * keep + c.normal * mixed;
     }
+    add_features(i, mixed, keep);
 }
 
 // b̂ before its division by the sum. A pixel inside has no b to clip.
@@ -239,7 +241,7 @@ void add_shading(Entry t, Corner c, SoftDistance d[PIXELS], inout Pixel pixels[P
         depth[i] = depth_at(c.depth, b[i], sum[i]);
     }
     for (int i = 0; i < PIXELS; ++i) {
-        add_weighted(d[i], b[i], sum[i], depth[i], c, pixels[i]);
+        add_weighted(i, d[i], b[i], sum[i], depth[i], c, pixels[i]);
     }
 }
 
@@ -255,6 +257,7 @@ void add_entry(Fetched own, Rows rows, bool is_second, bool live, bool shows, La
         add_transmittance(d, w);
     }
     if (shows && SHADED) {
+        read_features(own, is_second, COLOR_UNIT / WEIGHT_UNIT);
         add_shading(t, shared_corner_of(own, is_second), d, pixels);
     }
 }
@@ -288,6 +291,7 @@ void gather_word(int from, uint held[HELD], uint bits, bool shows, LaneConstants
         w[i] = Transmittance(0.0, 0.0);
         words[i] = word_of(pixels[i]);
     }
+    clear_feature_words();
     bool any = bits != 0u;
     Fetched first;
     Fetched second;
@@ -312,7 +316,9 @@ void gather_word(int from, uint held[HELD], uint bits, bool shows, LaneConstants
             add_word_cover(cover_of(w[i]), pixels[i]);
         }
         if (shows && SHADED) {
-            add_word_shaded(words[i], power_of_two(pixels[i].exponent - words[i].exponent), pixels[i]);
+            float keep = power_of_two(pixels[i].exponent - words[i].exponent);
+            add_word_shaded(words[i], keep, pixels[i]);
+            add_word_features(i, keep);
         }
     }
 }

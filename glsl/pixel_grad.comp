@@ -7,7 +7,7 @@
 // gradients need all tiles.
 // Reads `tile_items`, the images, `saved` (pixel.glsl) and the upstream gradients. Writes:
 // - `silhouette_gradients`;
-// - `pixel_gradients`: (dL/dmixture rgb, V), with V of shaded_gradient below, and (dL/dnormal, dL/ddepth); with DEPTH_ALONE
+// - `pixel_gradients`: (dL/dmixture rgb, V), with V of shaded_gradient below, (dL/dnormal, dL/ddepth) and dL/dfeatures; with DEPTH_ALONE
 //   (integer part and fraction of the reference, V, dL/ddepth), so that backward reads one texel;
 // - `pixel_sums`, which reduce.comp adds up: (dL/dC_b, dL/ds_b), (dL/ds_b times the relative log2 weight, 0, 0, 0), with the
 //   background's log weight s_b = ε/γ. They are zeros if the frame is not complete;
@@ -30,6 +30,8 @@ layout(set = 0, binding = 11) uniform usamplerBuffer status;
 layout(set = 0, binding = 12, std430) writeonly buffer Status { uint status_words[]; };
 layout(set = 0, binding = 13) uniform usamplerBuffer tile_items;
 layout(set = 0, binding = 14, std430) writeonly buffer SilhouetteGradients { float silhouette_gradients[]; };
+layout(set = 0, binding = 15) uniform samplerBuffer feature_image;
+layout(set = 0, binding = 16) uniform samplerBuffer upstream_features;
 
 #include "common/constants.glsl"
 #include "common/modes.glsl"
@@ -78,7 +80,7 @@ Upstream upstream_of(int at) {
     return Upstream(up_color.rgb, up_alpha, up_depth, up_normal);
 }
 
-// V = Σ_j w_j v_j with v_j = dL/dI · C_j + dL/ddepth z_j + dL/dnormal · n_j, so that eq. 4 reads ∂L/∂s_j = w_j (v_j - V).
+// V = Σ_j w_j v_j with v_j = dL/dI · C_j + dL/ddepth z_j + dL/dnormal · n_j, and as for colour with features, so that eq. 4 reads ∂L/∂s_j = w_j (v_j - V).
 // The composite background has I = A Σ w C + (1 - A) C_b. There the product rule adds a term to dL/dA, and V and all v_j gain
 // the factor A, which is returned in `mixing`.
 float shaded_gradient(int at, int view, float aggregate, vec3 background, inout Upstream up, out float mixing) {
@@ -87,6 +89,10 @@ float shaded_gradient(int at, int view, float aggregate, vec3 background, inout 
     if (UP_COLOR) {
         vec3 shown = texelFetch(color, at).rgb;
         value += dot(up.color, COMPOSITE ? shown - background : shown);
+    }
+    for (int i = 0; i < UP_FEATURE_TEXELS; ++i) {
+        int texel = at * FEATURE_ROOM + i;
+        value += dot(texelFetch(upstream_features, texel), texelFetch(feature_image, texel));
     }
     if (UP_DEPTH) {
         unblended += up.depth * texelFetch(depths, at).x;
@@ -169,8 +175,12 @@ void main() {
     if (UP_SHADED) {
         vec4 surface = vec4(up.normal, up.depth) * unblended_mixing;
         pixel_gradients[to] = DEPTH_ALONE ? vec4(sums.reference, value, surface.w) : vec4(up.color * mixing, value);
-        if (PIXEL_STRIDE > 1) {
+        if (PIXEL_FEATURES_AT > 1) {
             pixel_gradients[to + 1] = surface;
+        }
+        for (int i = 0; i < UP_FEATURE_TEXELS; ++i) {
+            vec4 by_features = texelFetch(upstream_features, at * FEATURE_ROOM + i);
+            pixel_gradients[to + PIXEL_FEATURES_AT + i] = by_features * mixing;
         }
     }
     if (GRAD_BACKGROUND) {

@@ -27,6 +27,7 @@ layout(set = 0, binding = 14, std430) buffer BinBits { uint bin_bits[]; };
 layout(set = 0, binding = 15, std430) buffer Status { uint status[]; };
 layout(set = 0, binding = 16, std430) writeonly buffer CellRanges { uvec2 cell_ranges[]; };
 layout(set = 0, binding = 17, std430) writeonly buffer Cells { uvec2 cells[]; };
+layout(set = 0, binding = 18) uniform samplerBuffer features;
 
 #include "common/constants.glsl"
 #include "common/modes.glsl"
@@ -52,8 +53,8 @@ void skip_record(int record_index) {
     boxes[record_index] = ivec4(0, 0, -1, -1);
 }
 
-// Writes the shading record: the geometry's tail, the depths, and the corners' colours, texture coordinates and normals, mixed
-// as the piece's corners are.
+// Writes the shading record: the geometry's tail, the depths, and the corners' colours, texture coordinates, normals and features,
+// mixed as the piece's corners are.
 void write_shading(Shape shape, int triangle, int record_index, PieceCorners c, vec2 tail, vec4 depth, float exponent) {
     ivec3 v = triangle_vertices(shape, triangle);
     mat3 light = mat3(1.0);
@@ -107,6 +108,15 @@ void write_shading(Shape shape, int triangle, int record_index, PieceCorners c, 
         shading[to + SHADING_NORMAL_AT] = vec4(n0, 0.0);
         shading[to + SHADING_NORMAL_AT + 1] = vec4(n1, n2.x);
         shading[to + SHADING_NORMAL_AT + 2] = vec4(n2.yz, 0.0, 0.0);
+    }
+    for (int i = 0; i < FEATURES; ++i) {
+        mat3x4 corners;
+        for (int k = 0; k < 3; ++k) {
+            corners[k] = texelFetch(features, (shape.vertex_base + v[k]) * FEATURE_ROOM + i);
+        }
+        for (int k = 0; k < 3; ++k) {
+            shading[to + SHADING_FEATURES_AT + k * FEATURE_ROOM + i] = corners * c.mixture[k];
+        }
     }
 }
 

@@ -5,7 +5,7 @@
 // computes the triangle's terms of the gradients by the whole view.
 // One invocation a triangle, views along y. With PER_VERTEX vertex_grad.comp does without this kernel.
 // Reads `partials`, `item_marks`, `vertices` and the mesh. Writes:
-// - `corner_gradients`: by three world positions, three colours, and two texels of texture coordinates;
+// - `corner_gradients`: by three world positions, three colours, the corners' features, and two texels of texture coordinates;
 // - `corner_lights`: dL/dlight and dL/dnormal of every corner, with smooth shading;
 // - `light_records`: dL/dlight and the normal of the face, with flat shading;
 // - `view_sums`: by twist, projection, sigma and gamma.
@@ -29,6 +29,7 @@ layout(set = 0, binding = 13, std430) writeonly buffer CornerGradients { vec4 co
 layout(set = 0, binding = 14, std430) writeonly buffer CornerLights { vec4 corner_lights[]; };
 layout(set = 0, binding = 15, std430) writeonly buffer LightRecords { vec4 light_records[]; };
 layout(set = 0, binding = 16, std430) writeonly buffer ViewSums { vec4 view_sums[]; };
+layout(set = 0, binding = 17) uniform samplerBuffer features;
 
 #include "common/constants.glsl"
 #include "common/modes.glsl"
@@ -64,6 +65,9 @@ struct TriangleGradient {
     vec2 scalars;
 };
 
+// dL by the features of the triangle's corners, beside struct TriangleGradient as in features.glsl.
+vec4 by_corner_features[3 * FEATURE_ROOM];
+
 TriangleGradient corners_of(Shape shape, View camera, int triangle, ivec3 v, vec3 face_normal) {
     TriangleGradient c;
     for (int k = 0; k < 3; ++k) {
@@ -91,6 +95,9 @@ TriangleGradient corners_of(Shape shape, View camera, int triangle, ivec3 v, vec
     c.by_color = mat3(0.0);
     c.by_coordinate = mat3x2(0.0);
     c.by_normal = mat3(0.0);
+    for (int i = 0; i < 3 * GRAD_FEATURE_TEXELS; ++i) {
+        by_corner_features[i] = vec4(0.0);
+    }
     c.twist_shift = vec3(0.0);
     c.twist_turn = vec3(0.0);
     c.by_projection = vec4(0.0);
@@ -101,12 +108,32 @@ TriangleGradient corners_of(Shape shape, View camera, int triangle, ivec3 v, vec
 // Whether all gradients by corner i of a record are 0.
 bool is_zero(Partial p, int i) {
     vec3 sum = abs(p.color[i]) + abs(p.normal[i]) + vec3(abs(p.pixel[i]) + abs(p.coordinate[i]), abs(p.depth[i]));
+    for (int j = 0; j < GRAD_FEATURE_TEXELS; ++j) {
+        vec4 by_features = abs(partial_features[i * FEATURE_ROOM + j]);
+        sum += by_features.xyz + by_features.w;
+    }
     return sum == vec3(0.0);
+}
+
+// Adds dL by the features of corner i of a piece to the corners k and l that it mixes. Returns dL/dt.
+float add_corner_features(Shape shape, ivec3 v, int i, int k, int l, float u, float t) {
+    float by_t = 0.0;
+    for (int j = 0; j < GRAD_FEATURE_TEXELS; ++j) {
+        vec4 by_features = partial_features[i * FEATURE_ROOM + j];
+        by_corner_features[k * FEATURE_ROOM + j] += u * by_features;
+        by_corner_features[l * FEATURE_ROOM + j] += t * by_features;
+        if (k != l) {
+            vec4 from = texelFetch(features, (shape.vertex_base + v[k]) * FEATURE_ROOM + j);
+            vec4 to = texelFetch(features, (shape.vertex_base + v[l]) * FEATURE_ROOM + j);
+            by_t += dot(by_features, to - from);
+        }
+    }
+    return by_t;
 }
 
 // Adds corner i of a piece. It is the original corner k if k = l. Else it is the point (1 - t) p_k + t p_l, where the near
 // plane cuts the edge from corner k to corner l.
-void add_corner(View camera, inout TriangleGradient c, Partial p, int i, int k, int l, float near) {
+void add_corner(View camera, Shape shape, ivec3 v, inout TriangleGradient c, Partial p, int i, int k, int l, float near) {
     // Skip a corner without gradient. It may lie on the camera's plane, where it has no projection.
     if (is_zero(p, i)) {
         return;
@@ -130,8 +157,9 @@ void add_corner(View camera, inout TriangleGradient c, Partial p, int i, int k, 
     c.by_coordinate[l] += t * p.coordinate[i];
     c.by_normal[k] += u * p.normal[i];
     c.by_normal[l] += t * p.normal[i];
+    float by_t = add_corner_features(shape, v, i, k, l, u, t);
     if (k != l) {
-        float by_t = dot(by_point, c.point[l] - c.point[k])
+        by_t += dot(by_point, c.point[l] - c.point[k])
                    + dot(p.color[i], c.base[l] * c.light[l] - c.base[k] * c.light[k])
                    + dot(p.coordinate[i], c.coordinate[l] - c.coordinate[k])
                    + dot(p.normal[i], c.normal[l] - c.normal[k]);
@@ -142,16 +170,16 @@ void add_corner(View camera, inout TriangleGradient c, Partial p, int i, int k, 
 }
 
 // A triangle that is not clipped has one record, with its own corners.
-void add_unclipped(View camera, Shape shape, int triangle, inout TriangleGradient c) {
+void add_unclipped(View camera, Shape shape, int triangle, ivec3 v, inout TriangleGradient c) {
     Partial p = partial_of(shape.record_base + triangle);
     for (int k = 0; k < 3; ++k) {
-        add_corner(camera, c, p, k, k, k, 0.0);
+        add_corner(camera, shape, v, c, p, k, k, k, 0.0);
     }
     c.scalars = p.scalars;
 }
 
 // The pieces of a clipped triangle. Their corners have the order of emit_clipped in triangle.comp.
-void add_pieces(View camera, Shape shape, int triangle, inout TriangleGradient c) {
+void add_pieces(View camera, Shape shape, int triangle, ivec3 v, inout TriangleGradient c) {
     float near = frame.near_high;
     ivec2 corner[4];
     int count = 0;
@@ -174,7 +202,7 @@ void add_pieces(View camera, Shape shape, int triangle, inout TriangleGradient c
         Partial p = partial_of(shape.record_base + triangle + piece * shape.triangle_count);
         for (int i = 0; i < 3; ++i) {
             ivec2 which = corner[i == 0 ? 0 : i + piece];
-            add_corner(camera, c, p, i, which.x, which.y, near);
+            add_corner(camera, shape, v, c, p, i, which.x, which.y, near);
         }
         c.scalars += p.scalars;
     }
@@ -238,6 +266,9 @@ void write_corners(int record_index, TriangleGradient c, vec3 by_world[3]) {
             corner_lights[light_at + 1].xyz = c.by_normal[k];
         }
     }
+    for (int i = 0; i < 3 * GRAD_FEATURE_TEXELS; ++i) {
+        corner_gradients[to + CORNER_FEATURES_AT + i] = by_corner_features[i];
+    }
     if (GRAD_COORDINATE) {
         corner_gradients[to + CORNER_STRIDE - 2] = vec4(c.by_coordinate[0], c.by_coordinate[1]);
         corner_gradients[to + CORNER_STRIDE - 1] = vec4(c.by_coordinate[2], 0.0, 0.0);
@@ -257,9 +288,9 @@ void main() {
     TriangleGradient c = corners_of(shape, camera, triangle, v, face.normal);
     int record_index = shape.record_base + triangle;
     if (NEAR_CLIP) {
-        add_pieces(camera, shape, triangle, c);
+        add_pieces(camera, shape, triangle, v, c);
     } else {
-        add_unclipped(camera, shape, triangle, c);
+        add_unclipped(camera, shape, triangle, v, c);
     }
     vec3 by_world[3];
     vec3 by_light = vec3(0.0);

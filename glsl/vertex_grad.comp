@@ -4,7 +4,7 @@
 // views and of the adjacency. There are no atomics, so the bits are the same on every run.
 // One invocation a vertex, meshes along y. Reads `corner_gradients` and, with smooth shading, `area_gradients`. With PER_VERTEX
 // it reads `partials` and carries their sum through the projection once a view, in place of three times a triangle. Writes
-// `vertex_gradients`: dL/dposition, then dL/dcolour.
+// `vertex_gradients`: dL/dposition, then dL/dcolour; and `feature_gradients`: dL/dfeatures.
 
 layout(local_size_x = 64) in;
 
@@ -19,6 +19,7 @@ layout(set = 0, binding = 7) uniform samplerBuffer view_cameras;
 layout(set = 0, binding = 8) uniform samplerBuffer partials;
 layout(set = 0, binding = 9) uniform usamplerBuffer item_marks;
 layout(set = 0, binding = 10) uniform usamplerBuffer cell_ranges;
+layout(set = 0, binding = 11, std430) writeonly buffer FeatureGradients { vec4 feature_gradients[]; };
 
 #include "common/constants.glsl"
 #include "common/modes.glsl"
@@ -27,6 +28,12 @@ layout(set = 0, binding = 10) uniform usamplerBuffer cell_ranges;
 #include "common/mesh.glsl"
 #include "common/position.glsl"
 #include "common/project_gradient.glsl"
+
+void clear(out vec4 features[FEATURE_ROOM]) {
+    for (int k = 0; k < GRAD_FEATURE_TEXELS; ++k) {
+        features[k] = vec4(0.0);
+    }
+}
 
 // dL/d(position of a triangle's corner) through the smooth normals of its three vertices, each of which sums area vectors.
 vec3 through_normals(Shape shape, int triangle, int corner) {
@@ -44,15 +51,20 @@ vec3 through_normals(Shape shape, int triangle, int corner) {
 }
 
 // Adds the gradients by a vertex's corners in one view.
-void add_corners(Shape shape, int vertex, inout vec3 position, inout vec3 color) {
+void add_corners(Shape shape, int vertex, inout vec3 position, inout vec3 color, inout vec4 features[FEATURE_ROOM]) {
     int at = shape.adjacency_base + vertex;
     int end = int(texelFetch(adjacency, at + 1).x);
     for (int i = int(texelFetch(adjacency, at).x); i < end; ++i) {
         int corner = int(texelFetch(adjacency, i).x);
-        int from = (shape.record_base + (corner >> 2)) * CORNER_STRIDE + (corner & 3);
+        int record = (shape.record_base + (corner >> 2)) * CORNER_STRIDE;
+        int from = record + (corner & 3);
         position += texelFetch(corner_gradients, from).xyz;
         if (GRAD_COLOR) {
             color += texelFetch(corner_gradients, from + 3).rgb;
+        }
+        int features_at = record + CORNER_FEATURES_AT + (corner & 3) * FEATURE_ROOM;
+        for (int k = 0; k < GRAD_FEATURE_TEXELS; ++k) {
+            features[k] += texelFetch(corner_gradients, features_at + k);
         }
         if (SMOOTH) {
             bool live = corner >> 2 < shape.triangle_count;
@@ -61,8 +73,8 @@ void add_corners(Shape shape, int vertex, inout vec3 position, inout vec3 color)
     }
 }
 
-// Adds dL/d(column, row, z) and dL/dcolour of a triangle's corner, as one item has them.
-void add_part(int item, int corner, bool counts, inout vec3 by_screen, inout vec3 color) {
+// Adds dL/d(column, row, z), dL/dcolour and dL/dfeatures of a triangle's corner, as one item has them.
+void add_part(int item, int corner, bool counts, inout vec3 by_screen, inout vec3 color, inout vec4 features[FEATURE_ROOM]) {
     int from = item * PARTIAL_STRIDE + corner;
     vec3 part = texelFetch(partials, from).xyz;
     by_screen += mix(vec3(0.0), part, bvec3(counts));
@@ -70,13 +82,19 @@ void add_part(int item, int corner, bool counts, inout vec3 by_screen, inout vec
         vec3 part_color = texelFetch(partials, from + PARTIAL_COLOR_AT).rgb;
         color += mix(vec3(0.0), part_color, bvec3(counts));
     }
+    int features_at = item * PARTIAL_STRIDE + PARTIAL_FEATURES_AT + corner * FEATURE_ROOM;
+    for (int k = 0; k < GRAD_FEATURE_TEXELS; ++k) {
+        features[k] += mix(vec4(0.0), texelFetch(partials, features_at + k), bvec4(counts));
+    }
 }
 
 // Adds the gradients of the triangles at a vertex whose boxes have several cells. It first adds up the cells of each triangle,
 // as backward_long does for cells without room. One loop takes them all: a triangle's record, then its further cells.
-void add_large(Shape shape, int next, int end, inout vec3 by_screen, inout vec3 color) {
+void add_large(Shape shape, int next, int end, inout vec3 by_screen, inout vec3 color, inout vec4 features[FEATURE_ROOM]) {
     vec3 own = vec3(0.0);
     vec3 own_color = vec3(0.0);
+    vec4 own_features[FEATURE_ROOM];
+    clear(own_features);
     int further = 0;
     while (next < end) {
         int corner = int(texelFetch(adjacency, next).x);
@@ -85,19 +103,25 @@ void add_large(Shape shape, int next, int end, inout vec3 by_screen, inout vec3 
         int cell = int(frame.record_count + texelFetch(cell_ranges, max(record_index, 0)).x) + further - 1;
         int item = further == 0 ? max(record_index, 0) : cell;
         bool large = (mark & MARK_LARGE) != 0u;
-        add_part(item, corner & 3, large && (texelFetch(item_marks, item).x & MARK_SUMMED) != 0u, own, own_color);
+        bool counts = large && (texelFetch(item_marks, item).x & MARK_SUMMED) != 0u;
+        add_part(item, corner & 3, counts, own, own_color, own_features);
         bool ends = further == int(mark >> MARK_FURTHER_BIT);
         by_screen += mix(vec3(0.0), own, bvec3(ends));
         color += mix(vec3(0.0), own_color, bvec3(ends));
         own = mix(own, vec3(0.0), bvec3(ends));
         own_color = mix(own_color, vec3(0.0), bvec3(ends));
+        for (int k = 0; k < GRAD_FEATURE_TEXELS; ++k) {
+            features[k] += mix(vec4(0.0), own_features[k], bvec4(ends));
+            own_features[k] = mix(own_features[k], vec4(0.0), bvec4(ends));
+        }
         further = ends ? 0 : further + 1;
         next += ends ? 1 : 0;
     }
 }
 
 // Adds a vertex's gradients in one view with PER_VERTEX, from the sums of backward by the corners' pixels and depth.
-void add_projected(int view, Shape shape, int vertex, inout vec3 position, inout vec3 color) {
+void add_projected(int view, Shape shape, int vertex, inout vec3 position, inout vec3 color,
+                   inout vec4 features[FEATURE_ROOM]) {
     int at = shape.adjacency_base + vertex;
     int first = int(texelFetch(adjacency, at).x);
     int end = int(texelFetch(adjacency, at + 1).x);
@@ -111,10 +135,11 @@ void add_projected(int view, Shape shape, int vertex, inout vec3 position, inout
         uint mark = texelFetch(item_marks, record_index).x;
         mark = live ? mark : 0u;
         marks |= mark;
-        add_part(record_index, corner & 3, (mark & (MARK_SUMMED | MARK_LARGE)) == MARK_SUMMED, by_screen, color);
+        bool counts = (mark & (MARK_SUMMED | MARK_LARGE)) == MARK_SUMMED;
+        add_part(record_index, corner & 3, counts, by_screen, color, features);
     }
     // Most vertices have no large triangle, so large triangles have a loop of their own.
-    add_large(shape, (marks & MARK_LARGE) != 0u ? first : end, end, by_screen, color);
+    add_large(shape, (marks & MARK_LARGE) != 0u ? first : end, end, by_screen, color, features);
     // Skip a vertex without gradient. It may lie on the camera's plane, where it has no projection.
     if (GRAD_GEOMETRY && by_screen != vec3(0.0)) {
         View camera = view_record(view);
@@ -136,18 +161,23 @@ void main() {
     }
     vec3 position = vec3(0.0);
     vec3 color = vec3(0.0);
+    vec4 features[FEATURE_ROOM];
+    clear(features);
     // The loop tests its condition at the end: llvmpipe executes the body once more if it tests at the start.
     int view = first;
     do {
         Shape shape = shape_of(view);
         if (PER_VERTEX) {
-            add_projected(view, shape, vertex, position, color);
+            add_projected(view, shape, vertex, position, color, features);
         } else {
-            add_corners(shape, vertex, position, color);
+            add_corners(shape, vertex, position, color, features);
         }
         ++view;
     } while (view <= last);
-    int to = 2 * (shape_of(first).vertex_base + vertex);
-    vertex_gradients[to] = vec4(position, 0.0);
-    vertex_gradients[to + 1] = vec4(color, 0.0);
+    int to = shape_of(first).vertex_base + vertex;
+    vertex_gradients[2 * to] = vec4(position, 0.0);
+    vertex_gradients[2 * to + 1] = vec4(color, 0.0);
+    for (int k = 0; k < GRAD_FEATURE_TEXELS; ++k) {
+        feature_gradients[to * FEATURE_ROOM + k] = features[k];
+    }
 }

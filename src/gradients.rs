@@ -16,6 +16,8 @@ pub struct ImageGradient {
     pub depth: Option<Image>,
     /// `[batch, height, width, 3]`.
     pub normal: Option<Image>,
+    /// `[batch, height, width, channels]`.
+    pub features: Option<Image>,
 }
 
 impl ImageGradient {
@@ -36,19 +38,29 @@ impl ImageGradient {
             silhouette: self.silhouette.is_some(),
             depth: self.depth.is_some(),
             normal: self.normal.is_some(),
+            features: self.features.is_some(),
         }
     }
 
-    /// Checks that every upstream gradient is finite, has the frame's shape, and belongs to an image that was rendered.
+    /// Checks that every upstream gradient is finite, has the frame's shape, and belongs to an image that was rendered. `channels`
+    /// are the features of each vertex.
     ///
     /// # Errors
     /// [`Error::Backward`] naming the image.
-    pub fn validate(&self, rendered: Outputs, batch: usize, height: usize, width: usize) -> Result<()> {
+    pub fn validate(
+        &self,
+        rendered: Outputs,
+        batch: usize,
+        height: usize,
+        width: usize,
+        channels: usize,
+    ) -> Result<()> {
         let images = [
             ("color", &self.color, rendered.color, 3),
             ("silhouette", &self.silhouette, rendered.silhouette, 1),
             ("depth", &self.depth, rendered.depth, 1),
             ("normal", &self.normal, rendered.normal, 3),
+            ("features", &self.features, rendered.features, channels),
         ];
         let bad = |what: String, fix: &str| Err(Error::Backward { what, fix: fix.into() });
         if images.iter().all(|(_, image, ..)| image.is_none()) {
@@ -94,6 +106,8 @@ pub struct GradientRequest {
     pub positions: bool,
     /// Vertex colours, or a mesh's one colour.
     pub colors: bool,
+    /// The features of the vertices.
+    pub features: bool,
     /// Texels of surface cells and of image textures, and the textures' alpha.
     pub texels: bool,
     /// Texture coordinates.
@@ -115,6 +129,7 @@ impl GradientRequest {
     pub const NOTHING: Self = Self {
         positions: false,
         colors: false,
+        features: false,
         texels: false,
         uvs: false,
         camera: false,
@@ -128,6 +143,7 @@ impl GradientRequest {
     pub const ALL: Self = Self {
         positions: true,
         colors: true,
+        features: true,
         texels: true,
         uvs: true,
         camera: true,
@@ -153,6 +169,8 @@ pub struct MeshGradients {
     pub positions: Vec<[f32; 3]>,
     /// By each vertex's colour; one entry for a mesh of one colour.
     pub colors: Vec<[f32; 3]>,
+    /// By each vertex's features, one vertex after the other.
+    pub features: Vec<f32>,
     /// By each surface texel, in the appearance's order.
     pub surface_texels: Vec<[f32; 3]>,
     /// By each texture's texels, row 0 at the top.
@@ -214,6 +232,7 @@ impl Gradients {
             let fields = [
                 ("positions", rows(&mesh.positions)),
                 ("colors", rows(&mesh.colors)),
+                ("features", first_not_finite(&mesh.features).is_none()),
                 ("surface_texels", rows(&mesh.surface_texels)),
                 ("texture_texels", mesh.texture_texels.iter().all(|texels| rows(texels))),
                 ("texture_alphas", mesh.texture_alphas.iter().all(|alpha| first_not_finite(alpha).is_none())),

@@ -89,7 +89,7 @@ struct Work {
 
 impl Work {
     fn new(mesh: Mesh, size: u32, views: u32, color: bool, sigma: f64) -> Result<Self, Failure> {
-        let outputs = Outputs { color, silhouette: true, depth: false, normal: false };
+        let outputs = Outputs { color, silhouette: true, ..Outputs::NOTHING };
         let settings =
             Settings { width: size, height: size, sigma, gamma: 1e-4, save: true, outputs, ..Settings::default() };
         let fov_y = FOV.to_radians();

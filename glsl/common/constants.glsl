@@ -40,6 +40,8 @@ const uint NO_LIST = 0xffffffffu;
 const uint WALK_WINDOW = 1088u;
 // Words of an entry of `walk_state`: 21 for each of 32 pixels, 32 entries, and where the walk stands.
 const uint WALK_STATE_WORDS = 709u;
+// Words that each texel of features adds to an entry of `walk_state`: eight for each of 32 pixels.
+const uint WALK_FEATURE_WORDS = 256u;
 // Words that textures with an alpha add to an entry of `walk_state`: one for each of 32 pixels.
 const uint WALK_OPACITY_WORDS = 32u;
 // Loop passes that WORD_BITS blocks take, besides one for each block with entries.
@@ -83,6 +85,8 @@ const uint OUTPUT_SILHOUETTE = 2u;
 const uint OUTPUT_DEPTH = 4u;
 // Bit of OUTPUTS: the normal image.
 const uint OUTPUT_NORMAL = 8u;
+// Bit of OUTPUTS: the image of features.
+const uint OUTPUT_FEATURES = 16u;
 
 // COLOR_MODE: the depth-weighted softmax of eq. 2 and 3.
 const uint COLOR_SOFTMAX = 0u;
@@ -183,6 +187,8 @@ const uint GRADIENT_VIEW = 64u;
 const uint GRADIENT_LIGHTS = 128u;
 // Bit of GRADIENTS: by the background's colour and score ε.
 const uint GRADIENT_BACKGROUND = 256u;
+// Bit of GRADIENTS: by the vertices' features.
+const uint GRADIENT_FEATURES = 512u;
 
 // REDUCTION: sums over each view's triangles.
 const uint REDUCTION_VIEWS = 0u;

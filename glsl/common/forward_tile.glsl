@@ -1,6 +1,7 @@
 // Common parts of the forward kernels: their buffers, the tile's list, and how they write a finished tile.
 // With WALKED the list is not in memory. The lanes share the entries at hand: those found but not yet added (walked_tile.glsl).
-// The file that includes this one defines first_pixel, finished and gather_entries.
+// The file that includes this one defines first_pixel, finished, gather_entries and FEATURE_UNIT, the factor of the sums of
+// features.
 
 layout(local_size_x_id = 0) in;
 
@@ -20,6 +21,7 @@ layout(set = 0, binding = 10, std430) writeonly buffer Normals { vec4 normals[];
 layout(set = 0, binding = 11, std430) writeonly buffer Saved { vec4 saved[]; };
 layout(set = 0, binding = 12, std430) writeonly buffer TileBounds { vec2 tile_bounds[]; };
 layout(set = 0, binding = 13) uniform isamplerBuffer boxes;
+layout(set = 0, binding = 18, std430) writeonly buffer FeatureImage { vec4 feature_image[]; };
 
 #include "common/constants.glsl"
 #include "common/modes.glsl"
@@ -56,6 +58,8 @@ const int LANES = int(gl_WorkGroupSize.x);
 #endif
 const int TILE_PIXELS = int(TILE_WIDTH * TILE_HEIGHT);
 const int PIXELS = TILE_PIXELS / LANES;
+
+#include "common/features.glsl"
 
 // Pixel i of a lane lies i * LANES pixels after its first, row by row.
 ivec2 step_of(int i) {
@@ -104,11 +108,13 @@ vec2 bounds_of_tile(Pixel pixels[PIXELS]) {
     return vec2(least.x, -least.y);
 }
 
-// Writes a finished pixel: its images, and what backward needs.
-void write_pixel(TileLocation tile, ivec2 where, Pixel p, int triangle_count) {
+// Writes the finished pixel i of this lane: its images, and what backward needs.
+void write_pixel(TileLocation tile, int i, Pixel p, int triangle_count) {
+    ivec2 where = lane_corner(tile) + step_of(i);
     if (where.x < int(frame.width) && where.y < int(frame.height)) {
         int to = pixel_index(tile.view, where);
         write_images(p, to, triangle_count);
+        write_features(i, p, FEATURE_UNIT, to, triangle_count);
         if (SAVE) {
             saved[to] = saved_of(p);
         }
@@ -124,7 +130,7 @@ void write_bounds(int number, vec2 bounds) {
 void write_tile(TileLocation tile, int number, Pixel pixels[PIXELS]) {
     int triangle_count = shape_of(tile.view).triangle_count;
     for (int i = 0; i < PIXELS; ++i) {
-        write_pixel(tile, lane_corner(tile) + step_of(i), finished(pixels[i]), triangle_count);
+        write_pixel(tile, i, finished(pixels[i]), triangle_count);
     }
     if (SAVE) {
         write_bounds(number, bounds_of_tile(pixels));
@@ -154,6 +160,7 @@ void main() {
     for (int i = 0; i < PIXELS; ++i) {
         pixels[i] = first_pixel();
     }
+    clear_features();
     gather_list(item.y, item.y + item.z, item.y + item.w, lane_constants(lane_corner(tile)), pixels);
     write_tile(tile, item.x, pixels);
 }

@@ -30,12 +30,14 @@ layout(constant_id = 25) const bool OPACITY = false;
 layout(constant_id = 29) const uint SURFACE_POINT = 0;
 // Whether some mesh gives the normals of its vertices (`vertex_normals`).
 layout(constant_id = 27) const bool GIVEN_NORMALS = false;
+// Texels of a vertex's features, four features each (`features`).
+layout(constant_id = 33) const uint FEATURE_TEXELS = 0;
 
 // Constant expressions here use sums and products for logic. glslang compiles ?:, && and || to branches, which cannot stand
 // outside a function.
 
 // Whether any image needs the weights of eq. 3.
-const bool SHADED = (OUTPUTS & (OUTPUT_COLOR | OUTPUT_DEPTH | OUTPUT_NORMAL)) != 0u;
+const bool SHADED = (OUTPUTS & (OUTPUT_COLOR | OUTPUT_DEPTH | OUTPUT_NORMAL | OUTPUT_FEATURES)) != 0u;
 const bool WANT_COLOR = (OUTPUTS & OUTPUT_COLOR) != 0u;
 const bool WANT_DEPTH = (OUTPUTS & OUTPUT_DEPTH) != 0u;
 const bool WANT_NORMAL = (OUTPUTS & OUTPUT_NORMAL) != 0u;
@@ -49,11 +51,16 @@ const bool LEAST_APART = uint(OPACITY) * uint(SILHOUETTE_MODE == SILHOUETTE_PROD
 // Whether the tile lists have front faces before back faces, which front faces mostly hide. The hard mode has one order for
 // all, because the first of equally near triangles wins.
 const bool PARTED = uint(SHADED) * uint(COLOR_MODE == COLOR_SOFTMAX) != 0u;
-// The offset of the normals in a shading record, and the strides of the records, in texels. Without shading the geometry
+// The same as a signed number, the end of loops.
+const int FEATURES = int(FEATURE_TEXELS);
+// The length of an array of one vertex's features, which must not be 0.
+const int FEATURE_ROOM = FEATURES + int(FEATURES == 0);
+// The offsets of the normals and the features in a shading record, and the strides of the records, in texels. Without shading the geometry
 // record's tail is a texel of its own.
 const int GEOMETRY_STRIDE = int(GEOMETRY_TEXELS) + int(!WANT_SHADING);
 const int SHADING_NORMAL_AT = int(SHADING_TEXELS) + int(SAMPLING != SAMPLING_NONE) * int(SHADING_COORDINATE_TEXELS);
-const int SHADING_STRIDE = SHADING_NORMAL_AT + int(WANT_NORMAL) * int(SHADING_NORMAL_TEXELS);
+const int SHADING_FEATURES_AT = SHADING_NORMAL_AT + int(WANT_NORMAL) * int(SHADING_NORMAL_TEXELS);
+const int SHADING_STRIDE = SHADING_FEATURES_AT + 3 * FEATURES;
 // The saved reference of a pixel without weights, in the soft mode and in the hard mode (saved_of in pixel.glsl).
 const vec2 NO_WEIGHTS = vec2(0.0, 1e30);
 const vec2 NO_NEAREST = vec2(-1.0);

@@ -27,6 +27,9 @@ struct PixelGradient {
     float by_silhouette;
     // The pixel's log2 sum of weights, as integer part and fraction. In the hard mode the nearest record's index.
     vec2 log_sum;
+    // The pixel's entry of `pixel_gradients`, and whether the fragment takes its gradient from there.
+    int entry;
+    bool received;
     // V = Σ w v of eq. 4.
     float mean;
     // With LEAST_APART the least 1 - D' of the pixel, which `by_silhouette` leaves out.
@@ -38,9 +41,10 @@ PixelGradient pixel_gradient_at(int entry) {
     // On a software device a texel of one float takes a third of the instructions that one of four takes.
     g.by_silhouette = UP_ALPHA ? texelFetch(silhouette_gradients, entry).x : 0.0;
     vec4 shaded = SHOWS ? texelFetch(pixel_gradients, entry * PIXEL_STRIDE) : vec4(0.0);
-    vec4 surface = SHOWS && PIXEL_STRIDE > 1 ? texelFetch(pixel_gradients, entry * PIXEL_STRIDE + 1) : vec4(0.0);
+    vec4 surface = SHOWS && PIXEL_FEATURES_AT > 1 ? texelFetch(pixel_gradients, entry * PIXEL_STRIDE + 1) : vec4(0.0);
     vec4 sums = LEAST_APART || SHOWS && !DEPTH_ALONE ? texelFetch(saved, entry) : shaded;
     g.log_sum = sums.xy;
+    g.entry = entry;
     g.least = LEAST_APART ? sums.w : 1.0;
     g.by_color = shaded.rgb;
     g.by_normal = surface.xyz;
@@ -89,6 +93,7 @@ PixelGradient received(PixelGradient g, bool kept) {
     g.by_silhouette = kept ? g.by_silhouette : 0.0;
     g.mean = kept ? g.mean : 0.0;
     g.least = kept ? g.least : 1.0;
+    g.received = kept;
     return g;
 }
 

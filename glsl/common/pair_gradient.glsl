@@ -1,6 +1,6 @@
 // The derivatives of one fragment (eq. 4). Each function is the transpose of one step of pair.glsl, distance.glsl or
 // sample.glsl, and adds to a lane's sums. `by_X` is the derivative of the loss by X, where X is the name that forward uses.
-// Needs pair.glsl, texel_gradient.glsl and what these need.
+// Needs pair.glsl, texel_gradient.glsl, feature_gradient.glsl and what these need.
 
 struct Sums {
     // dL/d(column, row) of each corner, in pixels.
@@ -74,8 +74,8 @@ vec3 nearness(Corner c) {
     return vec3(1.0, 1.0 + c.depth.x, 1.0 + c.depth.y);
 }
 
-// v_j = dL/dI · C_j + dL/dnormal · n_j + dL/ddepth z_j of a fragment, and its derivatives by the corners' shares in the
-// mixture.
+// v_j = dL/dI · C_j + dL/dnormal · n_j + dL/ddepth z_j of a fragment, with features as with colours, and its derivatives by the
+// corners' shares in the mixture.
 // A share is b̂_k z/z_k with perspective correction, and b̂_k without.
 struct Value {
     float value;
@@ -163,6 +163,9 @@ Value value_of(ItemTriangle item, PixelGradient g, Surface surface, float weight
     }
     if (UP_NORMAL) {
         add_normal(c, g.by_normal, weighted, v, s);
+    }
+    if (UP_FEATURES) {
+        v.by_share += features_by_share(g, v.share, weighted, v.value, v.by_all_shares);
     }
     if (UP_DEPTH) {
         v.value += g.by_depth * (item.z0 * surface.depth.ratio);

@@ -13,6 +13,9 @@ struct Partial {
     mat3 normal;
 };
 
+// dL by the corners' features, summed as the members of Partial are. It lies beside the struct as in features.glsl.
+vec4 partial_features[3 * FEATURE_ROOM];
+
 // Adds one item's entry. write_sums in backward.comp has its layout.
 void add_partial(int item, inout Partial p) {
     int at = item * PARTIAL_STRIDE;
@@ -37,6 +40,9 @@ void add_partial(int item, inout Partial p) {
         vec4 e = texelFetch(partials, at + PARTIAL_NORMAL_AT + 1);
         p.normal += mat3(d.xyz, vec3(d.w, e.xy), vec3(e.zw, texelFetch(partials, at + PARTIAL_NORMAL_AT + 2).x));
     }
+    for (int i = 0; i < 3 * GRAD_FEATURE_TEXELS; ++i) {
+        partial_features[i] += texelFetch(partials, at + PARTIAL_FEATURES_AT + i);
+    }
 }
 
 // The sum over a record's items that have an entry.
@@ -48,6 +54,9 @@ Partial partial_of(int record_index) {
     p.color = mat3(0.0);
     p.coordinate = mat3x2(0.0);
     p.normal = mat3(0.0);
+    for (int i = 0; i < 3 * GRAD_FEATURE_TEXELS; ++i) {
+        partial_features[i] = vec4(0.0);
+    }
     uint mark = texelFetch(item_marks, record_index).x;
     if ((mark & MARK_SUMMED) != 0u) {
         add_partial(record_index, p);

@@ -88,6 +88,14 @@ void add_word(vec3 word, float keep, inout vec3 total, inout vec3 excess) {
     total = next;
 }
 
+void add_word(vec4 word, float keep, inout vec4 total, inout vec4 excess) {
+    precise vec4 term = word - excess * keep;
+    precise vec4 old = total * keep;
+    precise vec4 next = old + term;
+    excess = (next - old) - term;
+    total = next;
+}
+
 // Adds a word's sums of eq. 2 and 3. `keep` brings the pixel's sums to the word's reference, which is not less than theirs.
 void add_word_shaded(Pixel word, float keep, inout Pixel p) {
     p.exponent = word.exponent;

@@ -4,7 +4,7 @@
 // texels, which eight lanes read at once (shared_records.glsl).
 // The tail, (half length 2, inverse area), is the head of the shading record's first texel. Without shading it is a fifth
 // texel.
-// The shading record has the depth, colours, texture coordinates and normals of the corners.
+// The shading record has the depth, colours, texture coordinates, normals and features of the corners.
 // Needs constants.glsl, modes.glsl and the buffers `geometry` and `shading`.
 
 struct Triangle {
@@ -63,7 +63,7 @@ Triangle triangle_of(int record_index) {
     return triangle_from(record, geometry_tail(record_index));
 }
 
-// Texels of the longest shading record. A frame uses SHADING_STRIDE of them.
+// Texels of the longest shading record without its features. A frame uses SHADING_FEATURES_AT of them.
 const int SHADING_MOST = int(SHADING_TEXELS + SHADING_COORDINATE_TEXELS + SHADING_NORMAL_TEXELS);
 
 struct Corner {
@@ -103,7 +103,7 @@ Corner corner_from(vec4 record[SHADING_MOST]) {
 
 Corner corner_of(int record_index) {
     vec4 record[SHADING_MOST];
-    for (int i = 0; i < SHADING_STRIDE; ++i) {
+    for (int i = 0; i < SHADING_FEATURES_AT; ++i) {
         record[i] = texelFetch(shading, record_index * SHADING_STRIDE + i);
     }
     return corner_from(record);

@@ -98,16 +98,20 @@ Triangle shared_triangle_of(Fetched own, bool is_second) {
     return triangle_from(record, shared_tail_of(own, is_second));
 }
 
+vec4 shared_shading_texel(Fetched own, bool is_second, int i) {
+    if (i < LANES) {
+        return subgroupShuffle(own.shading, shading_lane(is_second) + uint(i));
+    }
+    if (i < 2 * LANES) {
+        return subgroupShuffle(own.more, uint(i - LANES));
+    }
+    return texelFetch(shading, own.record_index * SHADING_STRIDE + i);
+}
+
 Corner shared_corner_of(Fetched own, bool is_second) {
     vec4 record[SHADING_MOST];
-    for (int i = 0; i < SHADING_STRIDE; ++i) {
-        if (i < LANES) {
-            record[i] = subgroupShuffle(own.shading, shading_lane(is_second) + uint(i));
-        } else if (i < 2 * LANES) {
-            record[i] = subgroupShuffle(own.more, uint(i - LANES));
-        } else {
-            record[i] = texelFetch(shading, own.record_index * SHADING_STRIDE + i);
-        }
+    for (int i = 0; i < SHADING_FEATURES_AT; ++i) {
+        record[i] = shared_shading_texel(own, is_second, i);
     }
     return corner_from(record);
 }
@@ -123,6 +127,10 @@ void fetch_pair(int first_index, int second_index, bool shaded, out Fetched firs
 
 Triangle shared_triangle_of(Fetched own, bool is_second) {
     return triangle_of(own.record_index);
+}
+
+vec4 shared_shading_texel(Fetched own, bool is_second, int i) {
+    return texelFetch(shading, own.record_index * SHADING_STRIDE + i);
 }
 
 Corner shared_corner_of(Fetched own, bool is_second) {

@@ -193,16 +193,24 @@ void advance(bool is_last, inout Walk walk) {
     walk.phase = is_last && walk.phase != DONE ? next : walk.phase;
 }
 
-// The index in `walk_state` of a word of this tile's entry.
-uint state_at(int word) {
-    return gl_WorkGroupID.x * (WALK_STATE_WORDS + (OPACITY ? WALK_OPACITY_WORDS : 0u)) + uint(word);
-}
-
-// An entry of `walk_state` has the floats of each pixel, then the nearest records, the entries at hand, and the walk.
+// An entry of `walk_state` has the floats of each pixel, then the nearest records, the entries at hand, the walk, with OPACITY
+// the least factors, and the sums of features and their rounding errors.
 const int STATE_FLOATS = 20;
 const int STATE_NEAREST = 32 * STATE_FLOATS;
 const int STATE_ENTRIES = STATE_NEAREST + 32;
 const int STATE_WALK = STATE_ENTRIES + 32;
+const int STATE_FEATURES = int(WALK_STATE_WORDS) + int(OPACITY) * int(WALK_OPACITY_WORDS);
+
+// The index in `walk_state` of a word of this tile's entry.
+uint state_at(int word) {
+    uint words = uint(STATE_FEATURES) + uint(FEATURES) * WALK_FEATURE_WORDS;
+    return gl_WorkGroupID.x * words + uint(word);
+}
+
+// The index in `walk_state` of a component of texel i of the features of this lane's pixel.
+uint feature_at(int i, int component) {
+    return state_at(STATE_FEATURES + (4 * i + component) * 32 + int(gl_LocalInvocationID.x));
+}
 
 void save_state(Walk walk, Pixel p) {
     int lane = int(gl_LocalInvocationID.x);
@@ -217,6 +225,12 @@ void save_state(Walk walk, Pixel p) {
     walk_state[state_at(STATE_ENTRIES + lane)] = entries[lane];
     if (OPACITY) {
         walk_state[state_at(int(WALK_STATE_WORDS) + lane)] = floatBitsToUint(p.least);
+    }
+    for (int i = 0; i < FEATURES; ++i) {
+        for (int k = 0; k < 4; ++k) {
+            walk_state[feature_at(i, k)] = floatBitsToUint(feature_sums[i][k]);
+            walk_state[feature_at(FEATURE_ROOM + i, k)] = floatBitsToUint(feature_excess[i][k]);
+        }
     }
     if (lane == 0) {
         walk_state[state_at(STATE_WALK)] = walk.phase;
@@ -241,6 +255,12 @@ void load_state(out Walk walk, out Pixel p) {
     p.depth = v[7];
     p.normal = vec3(v[8], v[9], v[10]);
     p.excess = Excess(v[11], v[12], vec3(v[13], v[14], v[15]), v[16], vec3(v[17], v[18], v[19]));
+    for (int i = 0; i < FEATURES; ++i) {
+        for (int k = 0; k < 4; ++k) {
+            feature_sums[i][k] = uintBitsToFloat(walk_state[feature_at(i, k)]);
+            feature_excess[i][k] = uintBitsToFloat(walk_state[feature_at(FEATURE_ROOM + i, k)]);
+        }
+    }
     p.nearest = int(walk_state[state_at(STATE_NEAREST + lane)]);
     entries[lane] = walk_state[state_at(STATE_ENTRIES + lane)];
     p.least = OPACITY ? uintBitsToFloat(walk_state[state_at(int(WALK_STATE_WORDS) + lane)]) : 1.0;
@@ -269,6 +289,7 @@ void main() {
     Walk walk = Walk(COUNT, 0, 0, 0, false);
     Pixel pixels[PIXELS];
     pixels[0] = first_pixel();
+    clear_features();
     if (resumes && frame.number > 0u) {
         load_state(walk, pixels[0]);
         if (walk.phase >= DONE) {
@@ -290,7 +311,7 @@ void main() {
     }
     if (walk.phase == DONE && walk.count == 0) {
         // background.comp and bin_fine.comp write the same for tiles that are known to be empty.
-        write_pixel(tile, lane_corner(tile), background_pixel(), 1);
+        write_pixel(tile, 0, background_pixel(), 1);
         write_bounds(number, bounds_of_pixel(background_pixel()));
     } else if (walk.phase == DONE) {
         write_tile(tile, number, pixels);

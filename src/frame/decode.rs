@@ -92,6 +92,7 @@ impl Decoder<'_> {
             &[]
         };
         let mut images = tables.images.iter();
+        let has_features = wanted.features && plan.backward.has(c::GRADIENT_FEATURES);
         let mut meshes = Vec::with_capacity(tables.layouts.len());
         for (m, layout) in tables.layouts.iter().enumerate() {
             let range = layout.vertex_range();
@@ -107,6 +108,14 @@ impl Decoder<'_> {
                     AppearanceShape::Uniform => vec![sum_colors(rows)],
                     _ => Vec::new(),
                 };
+            }
+            if has_features {
+                let (channels, stride) = (shape.features as usize, 4 * plan.backward.modes.feature_texels as usize);
+                let rows = floats(BufferId::FeatureGradients, stride * tables.vertices())?.chunks_exact(stride);
+                let own = rows.skip(layout.vertex as usize).take(layout.vertices as usize);
+                mesh.features = own.flat_map(|row| &row[..channels]).copied().collect();
+            } else if wanted.features {
+                mesh.features = vec![0.0; (shape.features * layout.vertices) as usize];
             }
             if wanted.texels {
                 self.add_texels(layout, shape, &mut images, floats, &mut mesh)?;

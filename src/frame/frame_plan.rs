@@ -5,7 +5,7 @@ use crate::error::{Error, Result};
 use crate::frame::buffers::{BufferId, Sizes, TableLengths};
 use crate::frame::pack::{MeshLayout, TableLayout};
 use crate::frame::plan::{
-    BackwardInput, BackwardPlan, Capacity, ForwardPlan, FramePush, PlanInput, Rare, validate_views,
+    BackwardInput, BackwardPlan, Capacity, ForwardPlan, FramePush, PlanInput, Rare, validate_views, wants_vertices,
 };
 use crate::gradients::GradientRequest;
 use crate::scene::{Lights, Outputs, Settings, Shading};
@@ -133,13 +133,26 @@ fn validate(shape: &FrameShape) -> Result<()> {
     let vertices = shape.vertices();
     let triangles: u64 = shape.meshes.iter().map(|m| u64::from(m.triangles)).sum();
     let (uvs, texels) = (shape.uvs(), shape.texels());
-    let most = [3 * vertices, 3 * triangles, 2 * uvs, texels, vertices + 3 * triangles + meshes as u64];
+    let features = vertices * u64::from(shape.features().div_ceil(4));
+    let most = [3 * vertices, features, 3 * triangles, 2 * uvs, texels, vertices + 3 * triangles + meshes as u64];
     if most.iter().any(|&count| count > i32::MAX as u64) {
         let what = format!("{vertices} vertices, {triangles} triangles, {uvs} UV pairs and {texels} texels");
         return fail(what, "render fewer meshes or smaller textures at once: kernels index with 32 bits");
     }
     validate_cutoff(shape.cutoff)?;
     shape.lights.validate()
+}
+
+/// Validates that an image of features is asked for of meshes that have the same number of them only.
+fn validate_features(shape: &FrameShape, settings: &Settings) -> Result<()> {
+    let channels = shape.features();
+    if settings.outputs.features && shape.meshes.iter().any(|mesh| mesh.features == 0 || mesh.features != channels) {
+        let found: Vec<_> = shape.meshes.iter().map(|mesh| mesh.features.to_string()).collect();
+        let what = format!("an image of features, and meshes with {} of them at a vertex", found.join(", "));
+        let fix = "give every mesh the same number with Mesh::with_features, or do not ask for Outputs::features";
+        return Err(Error::Scene { what, fix: fix.into() });
+    }
+    Ok(())
 }
 
 impl FramePlan {
@@ -163,6 +176,7 @@ impl FramePlan {
     ) -> Result<Self> {
         settings.validate()?;
         validate(shape)?;
+        validate_features(shape, settings)?;
         let views = shape.view_sizes();
         let wished = shape.capacity.unwrap_or_else(|| Capacity::estimate(settings, shape.cutoff, &views));
         let records = views.iter().map(|view| 2 * u64::from(view.triangles)).sum();
@@ -175,6 +189,7 @@ impl FramePlan {
             views: &views,
             tables: tables.lengths,
             lights: &shape.lights,
+            features: shape.features(),
             sampling: shape.sampling(),
             depth_span: shape.depth_span,
             distorted: shape.distorted,
@@ -204,6 +219,7 @@ impl FramePlan {
             views: &[],
             tables: self.tables,
             lights,
+            features: self.shape.features(),
             sampling: self.shape.sampling(),
             depth_span: self.shape.depth_span,
             distorted: self.shape.distorted,
@@ -308,6 +324,7 @@ impl GradientPlan {
             (up.silhouette, c::OUTPUT_SILHOUETTE),
             (up.depth, c::OUTPUT_DEPTH),
             (up.normal, c::OUTPUT_NORMAL),
+            (up.features, c::OUTPUT_FEATURES),
         ];
         if !images.iter().any(|(given, _)| *given) {
             return fail("no image has an upstream gradient", "give dL/dimage of at least one rendered image");
@@ -316,7 +333,7 @@ impl GradientPlan {
             return fail("an upstream gradient is of an image that the frame does not have", "ask for it in outputs");
         }
         let shape = &frame.shape;
-        if differentiate.wanted.positions || differentiate.wanted.colors {
+        if wants_vertices(&differentiate.wanted) {
             let views = if shape.meshes.len() == 1 { shape.views } else { 1 };
             validate_corners(shape, views, frame.forward.modes.loop_passes)?;
         }
@@ -432,13 +449,14 @@ mod tests {
     }
 
     fn mesh() -> impl Strategy<Value = MeshShape> {
-        (count(), count(), count(), appearance(), any::<bool>()).prop_map(
-            |(vertices, triangles, most_corners, appearance, normals)| MeshShape {
+        (count(), count(), count(), appearance(), any::<bool>(), 0..=32u32).prop_map(
+            |(vertices, triangles, most_corners, appearance, normals, features)| MeshShape {
                 vertices,
                 triangles,
                 most_corners,
                 appearance,
                 normals,
+                features,
             },
         )
     }
@@ -472,8 +490,8 @@ mod tests {
     #[test]
     fn records_beyond_32_bits_are_refused() {
         let plan = |views: u32| {
-            let (appearance, normals) = (AppearanceShape::Uniform, false);
-            let mesh = MeshShape { vertices: 3, triangles: 4_000_000, most_corners: 3, appearance, normals };
+            let (appearance, normals, features) = (AppearanceShape::Uniform, false, 0);
+            let mesh = MeshShape { vertices: 3, triangles: 4_000_000, most_corners: 3, appearance, normals, features };
             FramePlan::new(&UNLIMITED, DeviceKind::Discrete, &shape(vec![mesh], views), &Settings::default())
         };
         // Nine texels a triangle: 36 million a view.

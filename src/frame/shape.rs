@@ -85,6 +85,11 @@ impl FrameShape {
         Sampling { surface, image: image || (plain && surface), opacity: image && self.opacity }
     }
 
+    /// The features of each vertex of the meshes, which have the same number where they are rendered.
+    pub(crate) fn features(&self) -> u32 {
+        self.meshes.iter().map(|mesh| mesh.features).max().unwrap_or(0)
+    }
+
     /// Vertices of all meshes.
     pub(crate) fn vertices(&self) -> u64 {
         self.meshes.iter().map(|m| u64::from(m.vertices)).sum()

@@ -55,7 +55,9 @@ impl Renderer {
         wanted: &GradientRequest,
     ) -> Result<Gradients> {
         let s = &saved.settings;
-        upstream.validate(s.outputs, saved.cameras.len(), s.height as usize, s.width as usize)?;
+        let (width, height) = (s.width as usize, s.height as usize);
+        let channels = saved.plan.shape.features() as usize;
+        upstream.validate(s.outputs, saved.cameras.len(), height, width, channels)?;
         let plan = self.slots[at].plan_backward(&saved.plan, s, upstream, wanted)?;
         self.make_room(at, &[saved.plan.buffers(), plan.buffers()].concat(), true)?;
         let slot = &mut self.slots[at];
@@ -97,7 +99,7 @@ impl Slot {
                 let texels = self.inputs.tables.texels.iter().flatten().map(|x| f64::from(x.abs()));
                 let brightest = settings.background_color.iter().map(|x| x.abs()).chain(texels).fold(1.0, f64::max);
                 let shaded = (of(&upstream.color) * brightest).max(of(&upstream.depth) * settings.far);
-                shaded.max(of(&upstream.silhouette)).max(of(&upstream.normal))
+                shaded.max(of(&upstream.silhouette)).max(of(&upstream.normal)).max(of(&upstream.features))
             } else {
                 upstream.color.as_ref().map_or(0.0, largest)
             },
@@ -132,6 +134,16 @@ impl Slot {
         }
         if let Some(depth) = &upstream.depth {
             self.buffers.write(BufferId::UpstreamDepths, bytemuck::cast_slice(&depth.data))?;
+        }
+        if let Some(features) = &upstream.features {
+            let stride = features.channels.next_multiple_of(4);
+            let pixels = features.data.chunks_exact(features.channels);
+            let mut bytes = self.buffers.bytes_mut(BufferId::UpstreamFeatures, 4 * stride * pixels.len())?;
+            let floats: &mut [f32] = bytemuck::cast_slice_mut(&mut bytes);
+            for (to, from) in floats.chunks_exact_mut(stride).zip(pixels) {
+                to[..from.len()].copy_from_slice(from);
+                to[from.len()..].fill(0.0);
+            }
         }
         if let Some(normal) = &upstream.normal {
             let pixels = normal.data.as_chunks::<3>().0;
@@ -176,6 +188,7 @@ impl Slot {
                     BufferId::CornerGradients => wanted.uvs,
                     BufferId::TexelSums => wanted.texels,
                     BufferId::VertexGradients => wanted.positions || wanted.colors,
+                    BufferId::FeatureGradients => wanted.features,
                     BufferId::Totals => true,
                     _ => false,
                 };

@@ -47,6 +47,7 @@ pub struct Frame {
     silhouette: Option<Image>,
     depth: Option<Image>,
     normal: Option<Image>,
+    features: Option<Image>,
     timings: Vec<StageTime>,
     /// The owner of the renderer's slot that keeps what backward needs; `None` for a frame that was not saved.
     pub(super) owner: Option<Arc<()>>,
@@ -85,6 +86,14 @@ impl Frame {
         asked("outputs.normal", &self.normal)
     }
 
+    /// Σ w f of the meshes' features, `[batch, height, width, channels]`.
+    ///
+    /// # Errors
+    /// As [`Frame::color`].
+    pub fn features(&self) -> Result<&Image> {
+        asked("outputs.features", &self.features)
+    }
+
     /// The images that [`Outputs`] asked for, by its fields' names and in their order.
     pub fn images(&self) -> impl Iterator<Item = (&'static str, &Image)> {
         let all = [
@@ -92,6 +101,7 @@ impl Frame {
             ("silhouette", &self.silhouette),
             ("depth", &self.depth),
             ("normal", &self.normal),
+            ("features", &self.features),
         ];
         all.into_iter().filter_map(|(name, image)| Some((name, image.as_ref()?)))
     }
@@ -109,11 +119,12 @@ impl Frame {
         Self { owner: Some(owner), ..self }
     }
 
-    /// Copies the images that the settings ask for out of their buffers.
+    /// Copies the images that the settings ask for out of their buffers. `channels` are the features of each vertex.
     pub(super) fn download(
         buffers: &Contents<'_>,
         batch: usize,
         settings: &Settings,
+        channels: usize,
         timings: Vec<StageTime>,
     ) -> Result<Self> {
         let outputs = settings.outputs;
@@ -121,7 +132,8 @@ impl Frame {
         let pixels = batch * height * width;
         let image = |channels: usize, data: Vec<f32>| Some(Image { batch, height, width, channels, data });
         let texels = |id: BufferId| buffers.floats(id, 4 * pixels).map(|floats| floats.as_chunks::<4>().0);
-        let mut frame = Self { color: None, silhouette: None, depth: None, normal: None, timings, owner: None };
+        let (color, silhouette, depth, normal, features) = (None, None, None, None, None);
+        let mut frame = Self { color, silhouette, depth, normal, features, timings, owner: None };
         if outputs.color {
             let texels = texels(BufferId::Color)?;
             let (rgb, alpha) = split(texels, outputs.silhouette);
@@ -135,6 +147,11 @@ impl Frame {
         }
         if outputs.normal {
             frame.normal = image(3, split(texels(BufferId::Normals)?, false).0);
+        }
+        if outputs.features {
+            let stride = channels.next_multiple_of(4);
+            let rows = buffers.floats(BufferId::FeatureImage, stride * pixels)?.chunks_exact(stride);
+            frame.features = image(channels, rows.flat_map(|row| &row[..channels]).copied().collect());
         }
         Ok(frame)
     }

@@ -53,7 +53,7 @@ impl Inputs {
     }
 
     /// The id and the bytes of every input; empty for an input that the frame does not need.
-    pub fn all(&self) -> [(BufferId, &[u8]); 13] {
+    pub fn all(&self) -> [(BufferId, &[u8]); 14] {
         let tables = &self.tables;
         [
             (BufferId::ViewShapes, bytemuck::cast_slice(&self.shapes)),
@@ -64,6 +64,7 @@ impl Inputs {
             (BufferId::VertexNormals, bytemuck::cast_slice(&tables.normals)),
             (BufferId::Lights, bytemuck::cast_slice(&self.lights)),
             (BufferId::Colors, bytemuck::cast_slice(&tables.colors)),
+            (BufferId::Features, bytemuck::cast_slice(&tables.features)),
             (BufferId::Uvs, bytemuck::cast_slice(&tables.uvs)),
             (BufferId::UvIndices, bytemuck::cast_slice(&tables.uv_indices)),
             (BufferId::TriangleTextures, bytemuck::cast_slice(&tables.triangle_textures)),

@@ -207,7 +207,10 @@ impl Renderer {
         }
         let slot = &mut self.slots[self.latest];
         slot.finished = true;
-        let frame = Frame::download(&slot.buffers.contents()?, cameras.len(), settings, slot.timings(self.timed)?)?;
+        let (contents, timings) = (slot.buffers.contents()?, slot.timings(self.timed)?);
+        let channels = plan.shape.features() as usize;
+        let frame = Frame::download(&contents, cameras.len(), settings, channels, timings)?;
+        drop(contents);
         if !settings.save {
             return Ok(frame);
         }

@@ -40,6 +40,9 @@ pub struct Mesh {
     appearance: Appearance,
     /// One for each vertex, or none at all.
     normals: Vec<[f32; 3]>,
+    /// `channels` for each vertex, or none at all.
+    features: Vec<f32>,
+    channels: u32,
     /// Whether every vertex belongs to a triangle.
     all_used: bool,
     /// The largest number of triangle corners that share a vertex.
@@ -123,6 +126,9 @@ impl Mesh {
     /// divides by the sum of weights, and that sum must stay finite.
     pub const BRIGHTEST: f32 = super::texture::BRIGHTEST;
 
+    /// The most features of a vertex.
+    pub const MOST_FEATURES: u32 = 32;
+
     /// A white mesh.
     ///
     /// `positions` are `[x, y, z]` in world units, `triangles` index them from 0.
@@ -144,7 +150,8 @@ impl Mesh {
         let all_used = corners.iter().all(|&n| n > 0);
         let most_corners = corners.into_iter().max().unwrap_or(0);
         let (appearance, normals) = (Appearance::Uniform([1.0; 3]), Vec::new());
-        Ok(Self { positions, triangles, appearance, normals, all_used, most_corners })
+        let features = Vec::new();
+        Ok(Self { positions, triangles, appearance, normals, features, channels: 0, all_used, most_corners })
     }
 
     /// Gives the mesh another appearance.
@@ -220,6 +227,29 @@ impl Mesh {
         Ok(self)
     }
 
+    /// Gives each vertex `channels` features, which are interpolated, weighted and summed as vertex colours are, and are not
+    /// lit: [`Outputs::features`](crate::Outputs::features) renders them. `features` has those of vertex 0, then those of
+    /// vertex 1, and so on. With no channel the mesh has none.
+    ///
+    /// # Errors
+    /// [`Error::Mesh`] for more than [`Mesh::MOST_FEATURES`] channels, for another number of values than vertices × channels, and
+    /// for a value that is not finite or beyond ±[`Mesh::BRIGHTEST`].
+    pub fn with_features(mut self, channels: u32, features: Vec<f32>) -> Result<Self> {
+        if channels > Self::MOST_FEATURES {
+            let fix = "render them in several frames: their gradients add up";
+            return mesh_error(format!("{channels} features"), "a vertex".into(), fix);
+        }
+        validate_count("features", features.len(), self.positions.len() * channels as usize)?;
+        let bad = |x: &f32| x.is_nan() || x.abs() > Self::BRIGHTEST;
+        if let Some(i) = features.iter().position(bad) {
+            let (what, channels) = (format!("feature {}", features[i]), channels as usize);
+            let place = format!("vertex {}, channel {}", i / channels, i % channels);
+            return mesh_error(what, place, &format!("give finite numbers within ±{:e}", Self::BRIGHTEST));
+        }
+        (self.channels, self.features) = (channels, features);
+        Ok(self)
+    }
+
     /// Replaces the vertex positions and keeps triangles and appearance: the step of an optimisation loop. Normals of the
     /// mesh's own would be those of another shape, and are dropped.
     ///
@@ -253,6 +283,16 @@ impl Mesh {
     /// if they do everywhere.
     pub fn normals(&self) -> &[[f32; 3]] {
         &self.normals
+    }
+
+    /// The features of the vertices ([`with_features`](Self::with_features)), one vertex after the other.
+    pub fn features(&self) -> &[f32] {
+        &self.features
+    }
+
+    /// The features of each vertex.
+    pub fn feature_channels(&self) -> u32 {
+        self.channels
     }
 
     /// The appearance of the mesh.
@@ -309,7 +349,11 @@ impl Mesh {
         };
         let normals = if self.normals().is_empty() { &[] } else { &vertices[..] };
         let normals = normals.iter().map(|&v| self.normals()[v as usize]).collect();
-        Self::new(positions, triangles)?.with_appearance(appearance)?.with_normals(normals)
+        let channels = self.channels as usize;
+        let of = |&v: &u32| &self.features[v as usize * channels..][..channels];
+        let features = vertices.iter().flat_map(of).copied().collect();
+        let part = Self::new(positions, triangles)?.with_appearance(appearance)?.with_normals(normals)?;
+        part.with_features(self.channels, features)
     }
 
     /// The positions that triangles use, some of them more than once.

@@ -16,13 +16,15 @@ pub struct Outputs {
     pub depth: bool,
     /// Σ w n, world space.
     pub normal: bool,
+    /// Σ w f of the meshes' features f ([`Mesh::with_features`](crate::Mesh::with_features)), which every mesh must then have.
+    pub features: bool,
 }
 
 impl Outputs {
-    /// Every image.
-    pub const ALL: Self = Self { color: true, silhouette: true, depth: true, normal: true };
+    /// Every image that any mesh has: all but features.
+    pub const ALL: Self = Self { color: true, silhouette: true, depth: true, normal: true, features: false };
     /// No image, to add to.
-    pub const NOTHING: Self = Self { color: false, silhouette: false, depth: false, normal: false };
+    pub const NOTHING: Self = Self { color: false, silhouette: false, depth: false, normal: false, features: false };
     /// The silhouette alone.
     pub const SILHOUETTE: Self = Self { silhouette: true, ..Self::NOTHING };
 }
@@ -204,7 +206,7 @@ impl Default for Settings {
             support: Support::Probability,
             near: 1.0,
             far: 100.0,
-            outputs: Outputs { color: true, silhouette: true, depth: false, normal: false },
+            outputs: Outputs { color: true, silhouette: true, ..Outputs::NOTHING },
             color: ColorAggregation::Softmax,
             silhouette: SilhouetteAggregation::Product,
             distance: Distance::Euclidean,
@@ -271,9 +273,9 @@ impl Settings {
         let background = &self.background_color;
         let finite = background.iter().all(|c| c.abs() <= 1e6);
         check(finite, "background_color", &|| format!("{background:?}"), "use values within ±1e6")?;
-        let Outputs { color, silhouette, depth, normal } = self.outputs;
-        let fix = "ask for at least one of color, silhouette, depth, normal";
-        check(color || silhouette || depth || normal, "outputs", &|| "none".into(), fix)?;
+        let Outputs { color, silhouette, depth, normal, features } = self.outputs;
+        let fix = "ask for at least one of color, silhouette, depth, normal, features";
+        check(color || silhouette || depth || normal || features, "outputs", &|| "none".into(), fix)?;
         self.validate_support()
     }
 }

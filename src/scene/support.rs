@@ -35,7 +35,7 @@ impl Settings {
     /// of [`Support::Probability`] grows by the factor √(1 + Δζ / (γ c)): keep near and far close around the scene, and
     /// γ large.
     pub fn cutoff_of(&self, scene: &Scene, cameras: &[Camera]) -> f64 {
-        let mixed = self.outputs.color || self.outputs.depth || self.outputs.normal;
+        let mixed = self.outputs.color || self.outputs.depth || self.outputs.normal || self.outputs.features;
         if self.support == Support::Probability || !mixed || self.color == ColorAggregation::Hard {
             return self.cutoff();
         }

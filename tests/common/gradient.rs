@@ -73,6 +73,7 @@ fn each_image(upstream: &ImageGradient, change: impl Fn(&Image) -> Image) -> Ima
         silhouette: one(&upstream.silhouette),
         depth: one(&upstream.depth),
         normal: one(&upstream.normal),
+        features: one(&upstream.features),
     }
 }
 

@@ -82,7 +82,8 @@ const DISTANCE: f64 = 4.0;
 
 pub fn random_settings(random: &mut Random, kind: Kind) -> Settings {
     let bit = |random: &mut Random| random.chance(0.5);
-    let mut outputs = Outputs { color: bit(random), silhouette: bit(random), depth: bit(random), normal: bit(random) };
+    let [color, silhouette, depth, normal] = [(); 4].map(|()| bit(random));
+    let mut outputs = Outputs { color, silhouette, depth, normal, features: false };
     if outputs == (Outputs::NOTHING) {
         outputs = Outputs::ALL;
     }

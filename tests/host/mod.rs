@@ -171,7 +171,7 @@ pub fn submit(engine: &Engine, record: impl FnOnce(&mut HostCommands)) {
 
 /// Images as the simple API packs them.
 pub fn images(case: &Case, host: &Host) -> Vec<(&'static str, Vec<f32>)> {
-    let Outputs { color, silhouette, depth, normal } = case.settings.outputs;
+    let Outputs { color, silhouette, depth, normal, features } = case.settings.outputs;
     let rgb = |texels: &[f32]| texels.chunks_exact(4).flat_map(|t| [t[0], t[1], t[2]]).collect::<Vec<_>>();
     let pixels = case.cameras.len() * (case.settings.width * case.settings.height) as usize;
     let mut images = Vec::new();
@@ -189,6 +189,12 @@ pub fn images(case: &Case, host: &Host) -> Vec<(&'static str, Vec<f32>)> {
     }
     if normal {
         images.push(("normal", rgb(&host.floats(PassBuffer::Normals)[..4 * pixels])));
+    }
+    if features {
+        let channels = case.scene.meshes[0].feature_channels() as usize;
+        let rows = host.floats(PassBuffer::FeatureImage);
+        let rows = rows.chunks_exact(channels.next_multiple_of(4)).take(pixels);
+        images.push(("features", rows.flat_map(|row| row[..channels].to_vec()).collect()));
     }
     images
 }
@@ -277,6 +283,12 @@ pub fn upstream_bytes(upstream: &ImageGradient) -> Vec<(PassBuffer, Vec<f32>)> {
     }
     if let Some(depth) = &upstream.depth {
         buffers.push((PassBuffer::UpstreamDepths, depth.data.clone()));
+    }
+    if let Some(features) = &upstream.features {
+        let zeros = [0.0; 3];
+        let padding = &zeros[..features.channels.next_multiple_of(4) - features.channels];
+        let texels = features.data.chunks_exact(features.channels).flat_map(|f| [f, padding].concat());
+        buffers.push((PassBuffer::UpstreamFeatures, texels.collect()));
     }
     if let Some(normal) = &upstream.normal {
         let texels = normal.data.chunks_exact(3).flat_map(|n| [n[0], n[1], n[2], 0.0]);

@@ -88,7 +88,7 @@ struct Fit {
 
 impl Fit {
     fn new(engine: &mut Engine, mesh: &Mesh, goal: &[f32]) -> Outcome<Self> {
-        let outputs = Outputs { color: true, silhouette: true, depth: false, normal: false };
+        let outputs = Outputs { color: true, silhouette: true, ..Outputs::NOTHING };
         let plan =
             engine.rasterizer.pass(std::slice::from_ref(&mesh.shape)).settings(settings(SIZE, BLUR)).outputs(outputs);
         let plan = plan.cameras(&cameras()?).lights(Lights::official()).inside_planes();

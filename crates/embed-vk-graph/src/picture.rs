@@ -44,7 +44,7 @@ impl Picture {
         let matrices = CameraMatrices { view: view.to_cols_array_2d(), projection: projection.to_cols_array_2d() };
         let plan = engine.rasterizer.pass(std::slice::from_ref(&mesh.shape)).settings(super::settings(SIZE, 1.0));
         let plan = plan.camera_matrices(&[matrices], ClipSpace::default()).lights(Lights::official());
-        let plan = plan.outputs(Outputs { color: true, silhouette: true, depth: true, normal: false });
+        let plan = plan.outputs(Outputs { normal: false, ..Outputs::ALL });
         let soft = engine.bind(plan.build()?, &MeshBuffers { gradients: Default::default(), ..mesh.buffers() })?;
 
         let usage = vk::ImageUsageFlags::STORAGE | vk::ImageUsageFlags::SAMPLED;

@@ -100,7 +100,8 @@ impl Rendered {
         };
         let frame = &self.frame;
         let (color, silhouette) = (next(frame.color()), next(frame.silhouette()));
-        ImageGradient { color, silhouette, depth: next(frame.depth()), normal: next(frame.normal()) }
+        let (depth, normal) = (next(frame.depth()), next(frame.normal()));
+        ImageGradient { color, silhouette, depth, normal, features: None }
     }
 
     /// The gradients by the wanted inputs, from the one by the packed images. After an error, which is kept, they are NaN.

@@ -38,7 +38,7 @@ fn views(resolution: u32) -> Views {
         gamma: 1e-2,
         tau: 1e-7,
         background: Background::Composite,
-        outputs: Outputs { color: true, silhouette: true, depth: false, normal: false },
+        outputs: Outputs { color: true, silhouette: true, ..Outputs::NOTHING },
         ..Settings::default()
     };
     Views { scene: Scene::batch(meshes), cameras, settings }

@@ -114,6 +114,7 @@ pub fn upstream_of(
         silhouette: image(images.silhouette, "silhouette", 1),
         depth: image(images.depth, "depth", 1),
         normal: image(images.normal, "normal", 3),
+        features: None,
     }
 }
 
@@ -141,6 +142,7 @@ pub fn numbers(g: &Gradients) -> Numbers {
     for mesh in &g.meshes {
         all.push(("positions", flat(&mesh.positions)));
         all.push(("colors", flat(&mesh.colors)));
+        all.push(("features", mesh.features.iter().map(|&x| f64::from(x)).collect()));
         all.push(("surface texels", flat(&mesh.surface_texels)));
         all.push(("UVs", flat(&mesh.uvs)));
         mesh.texture_texels.iter().for_each(|t| all.push(("texture texels", flat(t))));
@@ -177,6 +179,7 @@ pub fn reference_numbers(of: Subject<'_>, g: &ReferenceGradients) -> Numbers {
     for (i, mesh) in of.scene.meshes.iter().enumerate() {
         all.push(("positions", g.positions(i).to_vec()));
         all.push(("colors", g.colors(i).to_vec()));
+        all.push(("features", Vec::new()));
         all.push(("surface texels", g.surface_texels(i).to_vec()));
         all.push(("UVs", g.uvs(i).to_vec()));
         if let Appearance::Textured { textures, .. } = mesh.appearance() {
@@ -273,7 +276,7 @@ const SIGNS: u64 = 4;
 
 /// The natural unit of a gradient: its size where images change as fast as the model can make them. Rounding errors are compared
 /// with it. Log weights are ζ / γ, and distances are in units of √σ.
-fn unit(of: Subject<'_>, name: &str) -> f64 {
+pub fn unit(of: Subject<'_>, name: &str) -> f64 {
     let s = of.settings;
     let deepest = if s.outputs.depth { s.far.min(10.0) } else { 1.0 };
     let positions = 1.0 / ((s.far - s.near) * s.gamma) + 1.0 / s.sigma.sqrt();
@@ -298,8 +301,8 @@ fn composited(of: Subject<'_>, name: &str) -> f64 {
 }
 
 /// The norm of all weights together.
-fn upstream_norm(upstream: &ImageGradient) -> f64 {
-    let images = [&upstream.color, &upstream.silhouette, &upstream.depth, &upstream.normal];
+pub fn upstream_norm(upstream: &ImageGradient) -> f64 {
+    let images = [&upstream.color, &upstream.silhouette, &upstream.depth, &upstream.normal, &upstream.features];
     let squares = images.into_iter().flatten().flat_map(|image| &image.data).map(|&x| f64::from(x).powi(2));
     squares.sum::<f64>().sqrt()
 }

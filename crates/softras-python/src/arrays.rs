@@ -123,6 +123,12 @@ pub fn image_array(py: Python<'_>, image: &Image) -> PyResult<Py<PyAny>> {
     shaped(flat, [image.batch, image.height, image.width], image.channels)
 }
 
+/// An image of features as an array: `[batch, height, width, channels]`.
+pub fn feature_array(py: Python<'_>, image: &Image) -> PyResult<Py<PyAny>> {
+    let shape = [image.batch, image.height, image.width, image.channels];
+    Ok(PyArray1::from_slice(py, &image.data).reshape(shape)?.into_any().unbind())
+}
+
 /// A flat array as images of some channels.
 pub fn shaped<T: Element>(flat: Bound<'_, PyArray1<T>>, sides: [usize; 3], channels: usize) -> PyResult<Py<PyAny>> {
     let [batch, height, width] = sides;

@@ -1,6 +1,6 @@
 //! Frames: the images of a batch, and their gradients.
 
-use crate::arrays::{image, image_array};
+use crate::arrays::{feature_array, image, image_array};
 use crate::exceptions::exception;
 use crate::gradients::{self, Gradients, Shapes};
 use crate::opened::Opened;
@@ -18,28 +18,31 @@ pub struct Frame {
     shared: Arc<Opened>,
     shapes: Vec<Shapes>,
     saved: bool,
-    arrays: [PyOnceLock<Py<PyAny>>; 4],
+    arrays: [PyOnceLock<Py<PyAny>>; 5],
 }
 
 impl Frame {
     pub fn new(frame: softras::Frame, shared: Arc<Opened>, scene: &Scene, saved: bool) -> Self {
         let shapes = if saved { scene.meshes.iter().map(Shapes::of).collect() } else { Vec::new() };
-        Self { frame, shared, shapes, saved, arrays: [const { PyOnceLock::new() }; 4] }
+        Self { frame, shared, shapes, saved, arrays: [const { PyOnceLock::new() }; 5] }
     }
 
     /// The image at one of the places of `images`, as an array that is made once.
     fn array(&self, py: Python<'_>, at: usize) -> PyResult<Option<Py<PyAny>>> {
         let Some(image) = self.images()[at].1 else { return Ok(None) };
-        self.arrays[at].get_or_try_init(py, || image_array(py, image)).map(|array| Some(array.clone_ref(py)))
+        // An image of one channel has no last dimension, but for features.
+        let make = || if at == 4 { feature_array(py, image) } else { image_array(py, image) };
+        self.arrays[at].get_or_try_init(py, make).map(|array| Some(array.clone_ref(py)))
     }
 
-    fn images(&self) -> [(&'static str, Option<&Image>); 4] {
+    fn images(&self) -> [(&'static str, Option<&Image>); 5] {
         let frame = &self.frame;
         [
             ("color", frame.color().ok()),
             ("silhouette", frame.silhouette().ok()),
             ("depth", frame.depth().ok()),
             ("normal", frame.normal().ok()),
+            ("features", frame.features().ok()),
         ]
     }
 }
@@ -70,9 +73,15 @@ impl Frame {
         self.array(py, 3)
     }
 
+    /// [views, height, width, N] float32, Σ w f of the meshes' features (`Mesh.with_features`); None unless asked for.
+    #[getter]
+    fn features(&self, py: Python<'_>) -> PyResult<Option<Py<PyAny>>> {
+        self.array(py, 4)
+    }
+
     /// The gradients of a loss L from dL/dimage of at least one image, each of the image's shape.
     ///
-    /// `by` names what to differentiate by: "positions" (the default), "colors", "texels" (surface cells and textures),
+    /// `by` names what to differentiate by: "positions" (the default), "colors", "features", "texels" (surface cells and textures),
     /// "uvs", "cameras", "lights", "background", "scalars" (sigma and gamma). `mode` is "exact", or "paper" for eq. 4 of
     /// the paper alone. A frame can be differentiated any number of times. Raises BackwardError, NotFiniteError.
     #[pyo3(signature = (*, by = None, mode = "exact", **upstream))]
@@ -87,9 +96,11 @@ impl Frame {
             let text = "backward: the frame was rendered for looking at only: render it with save=True";
             return Err(exception("BackwardError", text));
         }
-        let [color, silhouette, depth, normal] =
-            gradients::upstream(upstream, |value, name, channels| image(value, name, channels, "number"))?;
-        let upstream = ImageGradient { color, silhouette, depth, normal };
+        let given = self.frame.features().map_or(1, |features| features.channels);
+        let [color, silhouette, depth, normal, features] = gradients::upstream(upstream, |value, name, channels| {
+            image(value, name, channels.unwrap_or(given), "number")
+        })?;
+        let upstream = ImageGradient { color, silhouette, depth, normal, features };
         let wanted = match by {
             Some(by) => wanted(by, mode)?,
             None => GradientRequest { mode: crate::settings::gradient_mode(mode)?, ..GradientRequest::default() },

@@ -9,19 +9,20 @@ use pyo3::types::PyDict;
 use softras::GradientRequest;
 use softras::scene::Appearance;
 
-/// The images, with their channels.
-pub const IMAGES: [(&str, usize); 4] = [("color", 3), ("silhouette", 1), ("depth", 1), ("normal", 3)];
+/// The images, with their channels; `None` for as many as the meshes have.
+pub const IMAGES: [(&str, Option<usize>); 5] =
+    [("color", Some(3)), ("silhouette", Some(1)), ("depth", Some(1)), ("normal", Some(3)), ("features", None)];
 
 /// The keyword arguments of upstream gradients, in the order of the images, each read with its name and channels.
 pub fn upstream<T>(
     given: Option<&Bound<'_, PyDict>>,
-    read: impl Fn(&Bound<'_, PyAny>, &str, usize) -> PyResult<T>,
-) -> PyResult<[Option<T>; 4]> {
-    let mut all = [None, None, None, None];
+    read: impl Fn(&Bound<'_, PyAny>, &str, Option<usize>) -> PyResult<T>,
+) -> PyResult<[Option<T>; 5]> {
+    let mut all = [None, None, None, None, None];
     for (name, value) in given.iter().flat_map(|given| given.iter()).filter(|(_, value)| !value.is_none()) {
         let name: String = name.extract()?;
         let Some(at) = IMAGES.iter().position(|(known, _)| *known == name) else {
-            let fix = "use color, silhouette, depth and normal";
+            let fix = "use color, silhouette, depth, normal and features";
             return Err(bad_input(format!("an upstream gradient of {name:?}"), fix));
         };
         all[at] = Some(read(&value, &name, IMAGES[at].1)?);
@@ -32,6 +33,7 @@ pub fn upstream<T>(
 /// The shapes of a mesh's arrays that its gradient has as well.
 pub struct Shapes {
     triangles: usize,
+    channels: usize,
     uniform: bool,
     cells: usize,
     textures: Vec<[usize; 2]>,
@@ -48,7 +50,8 @@ impl Shapes {
             _ => Vec::new(),
         };
         let uniform = matches!(appearance, Appearance::Uniform(_));
-        Self { triangles: mesh.triangles().len(), uniform, cells: cells as usize, textures }
+        let (triangles, channels) = (mesh.triangles().len(), mesh.feature_channels() as usize);
+        Self { triangles, channels, uniform, cells: cells as usize, textures }
     }
 }
 
@@ -57,6 +60,7 @@ impl Shapes {
 pub struct MeshGradients {
     pub positions: Option<Py<PyAny>>,
     pub colors: Option<Py<PyAny>>,
+    pub features: Option<Py<PyAny>>,
     pub surface: Option<Py<PyAny>>,
     pub textures: Option<Vec<Py<PyAny>>>,
     pub alphas: Option<Vec<Option<Py<PyAny>>>>,
@@ -97,6 +101,13 @@ fn mesh(py: Python<'_>, found: softras::MeshGradients, shapes: &Shapes) -> PyRes
             Some(flat.reshape([shapes.triangles, shapes.cells, 3])?.into_py_any(py)?)
         }
     };
+    let features = match found.features {
+        features if features.is_empty() => None,
+        features => {
+            let vertices = features.len() / shapes.channels;
+            Some(PyArray1::from_vec(py, features).reshape([vertices, shapes.channels])?.into_py_any(py)?)
+        }
+    };
     let textures = found.texture_texels.into_iter().zip(&shapes.textures).map(|(texels, [height, width])| {
         PyArray1::from_vec(py, texels.into_flattened()).reshape([*height, *width, 3])?.into_py_any(py)
     });
@@ -109,6 +120,7 @@ fn mesh(py: Python<'_>, found: softras::MeshGradients, shapes: &Shapes) -> PyRes
     Ok(MeshGradients {
         positions: rows(py, found.positions)?,
         colors,
+        features,
         surface,
         textures: Some(textures).filter(|all| !all.is_empty()),
         alphas: Some(alphas).filter(|all| all.iter().any(Option::is_some)),
@@ -173,6 +185,7 @@ impl MeshGradients {
         let names = names(&[
             ("positions", self.positions.is_some()),
             ("colors", self.colors.is_some()),
+            ("features", self.features.is_some()),
             ("surface", self.surface.is_some()),
             ("textures", self.textures.is_some()),
             ("alphas", self.alphas.is_some()),

@@ -295,6 +295,34 @@ impl Mesh {
         Ok(Self { mesh: self.mesh.clone().with_normals(normals).raise()?, notes: self.notes.clone() })
     }
 
+    /// [V, N] float32; None without any.
+    #[getter]
+    fn features<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray2<f32>>>> {
+        let shape = [self.mesh.positions().len(), self.mesh.feature_channels() as usize];
+        let flat = || PyArray1::from_slice(py, self.mesh.features()).reshape(shape);
+        (shape[1] > 0).then(flat).transpose()
+    }
+
+    /// This mesh with features [V, N], up to 32 for each vertex, which the output "features" renders as colours are, but
+    /// without light; None for no features. Raises MeshError.
+    fn with_features(&self, features: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
+        let (channels, values) = match features {
+            Some(given) => {
+                let array = floats(given, "features", "number")?;
+                match *array.shape() {
+                    [_, channels] => (channels, array.as_slice()?.to_vec()),
+                    _ => {
+                        let what = format!("features has shape {:?}", array.shape());
+                        return Err(bad_input(what, "give [vertices, features]"));
+                    }
+                }
+            }
+            None => (0, Vec::new()),
+        };
+        let channels = u32::try_from(channels).unwrap_or(u32::MAX);
+        Ok(Self { mesh: self.mesh.clone().with_features(channels, values).raise()?, notes: self.notes.clone() })
+    }
+
     /// This mesh with other positions, [V, 3], and no normals of its own. Raises MeshError.
     fn with_positions(&self, positions: &Bound<'_, PyAny>) -> PyResult<Self> {
         let mut moved = self.clone();
@@ -321,16 +349,18 @@ impl Mesh {
 
     /// The mesh that was pickled, whose colours may be brighter than those of arrays.
     #[staticmethod]
+    #[pyo3(signature = (positions, triangles, look, normals, notes, features = None))]
     fn _restored(
         positions: &Bound<'_, PyAny>,
         triangles: &Bound<'_, PyAny>,
         look: &Bound<'_, PyDict>,
         normals: Option<&Bound<'_, PyAny>>,
         notes: Vec<String>,
+        features: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         let faces = arrays::triangles(triangles, "triangles")?;
         let mesh = softras::Mesh::new(rows(positions, "positions")?, faces).raise()?;
-        Self { mesh, notes }.dressed(Some(look), None, "number")?.with_normals(normals)
+        Self { mesh, notes }.dressed(Some(look), None, "number")?.with_normals(normals)?.with_features(features)
     }
 
     /// Writes a mesh file, .obj with its materials and textures, .ply or .glb, each file whole or not at all; returns their paths.
@@ -366,7 +396,8 @@ impl Mesh {
         look.set_item("texture_of_triangle", self.texture_of_triangle(py))?;
         look.set_item("wrap", self.wrap(py)?)?;
         let rebuild = py.get_type::<Self>().getattr("_restored")?;
-        let parts = (self.positions(py)?, self.triangles(py)?, look, self.normals(py)?, self.notes());
+        let given = (self.normals(py)?, self.notes(), self.features(py)?);
+        let parts = (self.positions(py)?, self.triangles(py)?, look, given.0, given.1, given.2);
         Ok((rebuild.unbind(), parts.into_py_any(py)?))
     }
 }

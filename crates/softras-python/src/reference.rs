@@ -95,7 +95,7 @@ pub fn reference_render<'py>(
     let sides = [frame.batch, frame.height, frame.width];
     let all = [frame.color, frame.silhouette, frame.depth, frame.normal];
     for ((name, channels), data) in IMAGES.into_iter().zip(all) {
-        if !data.is_empty() {
+        if let Some(channels) = channels.filter(|_| !data.is_empty()) {
             images.set_item(name, shaped(PyArray1::from_vec(py, data), sides, channels)?)?;
         }
     }
@@ -131,6 +131,7 @@ fn mesh_gradients(py: Python<'_>, found: &Parameters, i: usize, mesh: &Mesh) -> 
     Ok(MeshGradients {
         positions: flat(py, found.positions(i), &[mesh.positions().len(), 3])?,
         colors,
+        features: None,
         surface: flat(py, found.surface_texels(i), &[mesh.triangles().len(), cells, 3])?,
         textures: Some(textures).filter(|all| !all.is_empty()),
         alphas: Some(alphas).filter(|all| all.iter().any(Option::is_some)),
@@ -167,7 +168,13 @@ pub fn reference_gradient<'py>(
 ) -> PyResult<Gradients> {
     let inputs = Inputs::new(meshes, cameras, settings, lights)?;
     let read = |value: &Bound<'_, PyAny>, name: &str, _| Ok(doubles(value, name, "number")?.as_slice()?.to_vec());
-    let [d_color, d_silhouette, d_depth, d_normal] = gradients::upstream(upstream, read)?;
+    let [d_color, d_silhouette, d_depth, d_normal, features] = gradients::upstream(upstream, read)?;
+    if features.is_some() {
+        return Err(bad_input(
+            "an upstream gradient of features",
+            "give the reference three of them at a time as colours",
+        ));
+    }
     let upstream = Upstream { d_color, d_silhouette, d_depth, d_normal };
     let mode = gradient_mode(mode)?;
     let Inputs { scene, cameras, settings } = &inputs;

@@ -45,7 +45,11 @@ fn outputs(value: &Bound<'_, PyAny>) -> PyResult<Outputs> {
             "silhouette" => outputs.silhouette = true,
             "depth" => outputs.depth = true,
             "normal" => outputs.normal = true,
-            _ => return Err(bad_input(format!("output {name:?}"), "use color, silhouette, depth and normal")),
+            "features" => outputs.features = true,
+            _ => {
+                let fix = "use color, silhouette, depth, normal and features";
+                return Err(bad_input(format!("output {name:?}"), fix));
+            }
         }
     }
     Ok(outputs)
@@ -154,6 +158,7 @@ pub fn wanted(by: &Bound<'_, PyAny>, mode: &str) -> PyResult<GradientRequest> {
         match name.as_str() {
             "positions" => wanted.positions = true,
             "colors" => wanted.colors = true,
+            "features" => wanted.features = true,
             "texels" => wanted.texels = true,
             "uvs" => wanted.uvs = true,
             "cameras" => wanted.camera = true,
@@ -161,7 +166,7 @@ pub fn wanted(by: &Bound<'_, PyAny>, mode: &str) -> PyResult<GradientRequest> {
             "background" => wanted.background = true,
             "scalars" => wanted.scalars = true,
             _ => {
-                let fix = "use positions, colors, texels, uvs, cameras, lights, background and scalars";
+                let fix = "use positions, colors, features, texels, uvs, cameras, lights, background and scalars";
                 return Err(bad_input(format!("a gradient by {name:?}"), fix));
             }
         }

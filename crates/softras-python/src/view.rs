@@ -66,7 +66,7 @@ impl Plan<'_> {
 /// The subject of a picture: a mesh, or a mesh file with its normals and transparent materials.
 #[derive(FromPyObject)]
 pub enum Subject {
-    Mesh(Mesh),
+    Mesh(Py<Mesh>),
     File(PathBuf),
 }
 
@@ -79,7 +79,7 @@ pub fn view<'py>(
     plan: Plan<'py>,
 ) -> PyResult<Bound<'py, PyArray4<u8>>> {
     let made = match subject {
-        Subject::Mesh(mesh) => View::of(&mesh.mesh),
+        Subject::Mesh(mesh) => View::of(&mesh.get().mesh),
         Subject::File(path) => {
             View::of_loaded(py.detach(|| softras_io::load_with(&path, &LoadOptions::default())).raise()?)
         }

@@ -1,5 +1,6 @@
 """softras.jax: the renderer's own bits within JAX's transformations, and its slopes in double precision."""
 
+import dataclasses
 import subprocess
 import sys
 
@@ -23,7 +24,7 @@ def loss(bumpy, cameras, settings):
 
     def loss(vertices, colors):
         images = sj.render(vertices, bumpy.triangles, cameras, colors=colors, settings=settings)
-        return sum(jnp.vdot(weights[name], image) for name, image in images._asdict().items())
+        return sum(jnp.vdot(weights[name], getattr(images, name)) for name in settings.outputs)
 
     return loss, weights
 
@@ -32,14 +33,31 @@ def test_gradients_are_the_renderers_to_the_bit(bumpy, cameras, settings, loss):
     function, weights = loss
     frame = softras.render(bumpy, cameras, settings, save=True)
     images = sj.render(bumpy.positions, bumpy, cameras, settings=settings)
-    for name, image in images._asdict().items():
-        np.testing.assert_array_equal(image, getattr(frame, name))
+    for name in settings.outputs:
+        np.testing.assert_array_equal(getattr(images, name), getattr(frame, name))
     expected = frame.backward(by=("positions", "colors"), **weights).meshes[0]
     gradient = jax.grad(function, (0, 1))
     for call in (gradient, jax.jit(gradient)):
         by_vertices, by_colors = call(bumpy.positions, bumpy.colors)
         np.testing.assert_array_equal(by_vertices, expected.positions)
         np.testing.assert_array_equal(by_colors, expected.colors)
+
+
+def test_features_have_gradients(bumpy, cameras, settings):
+    settings = dataclasses.replace(settings, background_color=(0.0, 0.0, 0.0), outputs=("color",))
+    features = np.random.default_rng(8).random((len(bumpy.positions), 35), np.float32)
+
+    def loss(vertices, features):
+        images = sj.render(vertices, bumpy.triangles, cameras, colors=features[:, 1:4], features=features, settings=settings)
+        return (images.features**2).sum(), images
+
+    (_, images), (by_vertices, by_features) = jax.jit(jax.value_and_grad(loss, (0, 1), has_aux=True))(bumpy.positions, features)
+    np.testing.assert_array_equal(images.features[..., 1:4], images.color)
+    assert images.features.shape == (2, 32, 40, 35) and by_features.shape == features.shape
+    step = 1e-2 * by_features / jnp.abs(by_features).max()
+    slope = (loss(bumpy.positions, features + step)[0] - loss(bumpy.positions, features - step)[0]) / 2
+    np.testing.assert_allclose(slope, jnp.vdot(step, by_features), rtol=1e-3)
+    assert float(jnp.abs(by_vertices).max()) > 0
 
 
 def test_transformations(bumpy, cameras, settings, loss):

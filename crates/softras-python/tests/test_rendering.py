@@ -368,6 +368,30 @@ def test_a_mesh_may_have_normals(bumpy, cameras, settings):
         mesh.with_normals(np.ones((2, 3)))
 
 
+def test_a_mesh_may_have_features(bumpy, cameras, settings):
+    settings = dataclasses.replace(settings, background_color=(0.0, 0.0, 0.0), outputs=("color", "features"))
+    given = np.concatenate([bumpy.colors, 2 * bumpy.positions[:, :1]], 1)
+    mesh = bumpy.with_features(given)
+    np.testing.assert_array_equal(pickle.loads(pickle.dumps(mesh)).features, given)
+    frame = softras.render(mesh, cameras, settings, save=True)
+    assert frame.features.shape == (2, 32, 40, 4)
+    np.testing.assert_array_equal(frame.features[..., :3], frame.color)
+    upstream = np.random.default_rng(4).standard_normal(frame.features.shape).astype(np.float32)
+    found = frame.backward(features=upstream, by=("positions", "features")).meshes[0]
+    color = frame.backward(color=upstream[..., :3], by="colors").meshes[0].colors
+    np.testing.assert_allclose(found.features[:, :3], color, rtol=1e-5, atol=1e-5)
+    assert found.positions.shape == mesh.positions.shape and found.colors is None
+    one = softras.render(mesh.with_features(given[:, 3:]), cameras, settings).features
+    np.testing.assert_array_equal(one, frame.features[..., 3:])
+    assert bumpy.features is None and mesh.with_features(None).features is None
+    with pytest.raises(errors.SceneError, match="with 0 of them"):
+        softras.render(bumpy, cameras, settings)
+    with pytest.raises(errors.MeshError, match="40 features"):
+        bumpy.with_features(np.ones((len(given), 40)))
+    with pytest.raises(errors.BackwardError, match="features gradient has shape"):
+        frame.backward(features=upstream[:1])
+
+
 def test_threads_have_their_own_renderers(bumpy, cameras, settings):
     expected = softras.render(bumpy, cameras, settings, save=True).color
     found = {}

@@ -29,7 +29,7 @@ def test_gradients_are_the_renderers_to_the_bit(bumpy, cameras, settings):
     lights = softras.Lights.official()
     frame = softras.render(bumpy, cameras, settings, lights, save=True)
     random = np.random.default_rng(3)
-    upstream = {name: random.standard_normal(getattr(frame, name).shape).astype(np.float32) for name in st.Images._fields}
+    upstream = {name: random.standard_normal(getattr(frame, name).shape).astype(np.float32) for name in settings.outputs}
     found = frame.backward(by=("positions", "colors", "lights", "background", "scalars"), **upstream)
     vertices, colors = leaf(bumpy.positions), leaf(bumpy.colors)
     inputs = {
@@ -43,9 +43,10 @@ def test_gradients_are_the_renderers_to_the_bit(bumpy, cameras, settings):
     images = st.render(
         vertices, bumpy.triangles, cameras, colors=colors, settings=settings, lights=lights, **inputs
     )
-    for name, image in images._asdict().items():
+    rendered = {name: getattr(images, name) for name in settings.outputs}
+    for name, image in rendered.items():
         np.testing.assert_array_equal(image.detach().numpy(), getattr(frame, name))
-    sum((image * torch.from_numpy(upstream[name])).sum() for name, image in images._asdict().items()).backward()
+    sum((image * torch.from_numpy(upstream[name])).sum() for name, image in rendered.items()).backward()
     np.testing.assert_array_equal(vertices.grad.numpy(), found.meshes[0].positions)
     np.testing.assert_array_equal(colors.grad.numpy(), found.meshes[0].colors)
     for name, tensor in inputs.items():
@@ -83,6 +84,62 @@ def test_gradcheck(fields):
 
     tensors = (leaf(vertices, torch.float64), leaf(colors, torch.float64))
     assert torch.autograd.gradcheck(render, tensors, eps=1e-7, atol=1e-6, rtol=1e-4)
+
+
+@pytest.mark.parametrize("count", [1, 3, 5])
+def test_gradcheck_of_features(count):
+    random = np.random.default_rng(6)
+    vertices = random.uniform(-0.7, 0.7, (6, 3)).astype(np.float32).astype(np.float64)
+    colors, features = (random.uniform(-1, 1, (6, n)).astype(np.float32).astype(np.float64) for n in (3, count))
+    faces = torch.tensor([[0, 1, 2], [3, 4, 5]])
+    view = torch.tensor(softras.Camera.look_at((0, 0, 3), (0, 0, 0), fov_y=0.8).view)
+    camera = softras.Camera.look_at((0, 0, 3), (0, 0, 0), fov_y=0.8)
+    settings = softras.Settings(width=6, height=6, sigma=1e-2, gamma=0.05, near=1.0, far=5.0, tau=1e-12)
+    view = torch.cat([view, torch.tensor([[0.0, 0.0, 0.0, 1.0]])])[None]
+
+    def render(vertices, colors, features, sigma, gamma, twist):
+        given = {"views": st.rigid_motion(twist) @ view, "sigma": sigma, "gamma": gamma, "settings": settings}
+        images = st.render(vertices, faces, camera, colors=colors, features=features, **given)
+        assert images.features.shape == (1, 6, 6, count) and images.depth is None
+        return images.color, images.silhouette, images.features
+
+    tensors = [leaf(x, torch.float64) for x in (vertices, colors, features, 1e-2, 0.05, np.zeros(6))]
+    assert torch.autograd.gradcheck(render, tensors, eps=1e-7, atol=1e-6, rtol=1e-4)
+
+
+def test_features_are_colours_of_any_number(bumpy, ball, cameras, settings):
+    """Those of 70 channels take three frames, and have the bits of their parts."""
+    settings = dataclasses.replace(settings, background_color=(0.0, 0.0, 0.0), outputs=("color", "silhouette"))
+    generator = torch.Generator().manual_seed(2)
+    shape = (len(bumpy.positions), 70)
+    features = torch.rand(shape, generator=generator).requires_grad_()
+    vertices = leaf(bumpy.positions)
+    given = {"colors": features[:, :3], "settings": settings}
+    whole = st.render(vertices, bumpy.triangles, cameras, features=features, **given)
+    assert whole.features.shape == (len(cameras), settings.height, settings.width, 70)
+    assert torch.equal(whole.features[..., :3], whole.color)
+    weights = torch.rand(whole.features.shape, generator=generator)
+    (whole.features * weights).sum().backward()
+    by_vertices, by_features = vertices.grad.clone(), features.grad.clone()
+    vertices.grad = features.grad = None
+    for first in (0, 32, 64):
+        part = slice(first, first + 32)
+        alone = st.render(vertices, bumpy.triangles, cameras, features=features[:, part], **given).features
+        assert torch.equal(whole.features[..., part], alone)
+        (alone * weights[..., part]).sum().backward()
+    torch.testing.assert_close(features.grad, by_features, rtol=1e-5, atol=1e-5)
+    torch.testing.assert_close(vertices.grad, by_vertices, rtol=1e-4, atol=1e-3)
+    places, faces = ball
+    meshes = [places, 0.5 * places]
+    stacked = torch.rand(2, len(places), 4, generator=generator)
+    both = st.render(torch.stack(meshes), faces, cameras[:1], features=stacked, settings=settings).features
+    for i in range(2):
+        one = st.render(meshes[i], faces, cameras[:1], features=stacked[i], settings=settings).features
+        assert torch.equal(one[0], both[i])
+    with pytest.raises(softras.errors.InputError, match="different numbers of features"):
+        st.render(meshes, faces, cameras[:1], features=[stacked[0], stacked[1, :, :3]], settings=settings)
+    with pytest.raises(softras.errors.MeshError, match="features, expected"):
+        st.render(places, faces, cameras[:1], features=stacked[0, 1:], settings=settings)
 
 
 def test_views_and_projections_have_gradients(bumpy, settings):

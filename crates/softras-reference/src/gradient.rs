@@ -123,6 +123,7 @@ impl Upstream {
             silhouette: self.d_silhouette.is_some(),
             depth: self.d_depth.is_some(),
             normal: self.d_normal.is_some(),
+            features: false,
         }
     }
 

@@ -181,7 +181,7 @@ impl Pane {
         let opacity = match &self.opacity {
             Opacity::One(opacity) => Opacity::One(*opacity),
             Opacity::Several(scene) => {
-                let outputs = Outputs { color: true, silhouette: true, depth: false, normal: false };
+                let outputs = Outputs { color: true, silhouette: true, ..Outputs::NOTHING };
                 let settings = Settings { outputs, background_color: [0.0; 3], ..settings.clone() };
                 Opacity::Several(renderer.render(scene, cameras, &settings)?)
             }

@@ -67,5 +67,6 @@ fn outputs(wanted: &[Output]) -> Outputs {
         silhouette: true,
         depth: wanted.contains(&Output::Depth),
         normal: wanted.contains(&Output::Normal),
+        features: false,
     }
 }

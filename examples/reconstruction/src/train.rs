@@ -209,7 +209,7 @@ fn settings(config: &Config) -> Settings {
         far: 4.0,
         gamma: 4e-3,
         background: Background::Composite,
-        outputs: Outputs { color: config.color > 0.0, silhouette: true, depth: false, normal: false },
+        outputs: Outputs { color: config.color > 0.0, silhouette: true, ..Outputs::NOTHING },
         ..Settings::default()
     };
     if config.hard == Some(Hard::Edge) { settings.with_blur_pixels(1.0) } else { settings }

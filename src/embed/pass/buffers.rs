@@ -33,6 +33,8 @@ pass_buffers! {
     Depths,
     /// Σ w n in world space and 0, four floats a pixel; an output.
     Normals,
+    /// Σ w f of the features, four a texel and zeros behind the last; an output.
+    FeatureImage,
     /// dL/dr, dL/dg, dL/db and dL/dsilhouette, four floats a pixel; the host writes it.
     UpstreamColor,
     /// dL/dsilhouette, one float a pixel; the host writes it, where there is no upstream colour.
@@ -41,8 +43,12 @@ pass_buffers! {
     UpstreamDepths,
     /// dL/dnormal and a float that is not read, four a pixel; the host writes it.
     UpstreamNormals,
+    /// dL by the image of features, as that has them; the host writes it.
+    UpstreamFeatures,
     /// dL/dx, dL/dy, dL/dz, 0, dL/dr, dL/dg, dL/db, 0 of each placed vertex; an output of gradients.
     VertexGradients,
+    /// dL by the features of each vertex, as the image has those of a pixel; an output of gradients.
+    FeatureGradients,
     /// Gradients by UVs at the corners of triangles, as [`Pass::decode_gradients`](super::Pass::decode_gradients) reads them.
     CornerGradients,
     /// Gradients by texels in fixed point, as [`Pass::decode_gradients`](super::Pass::decode_gradients) reads them.

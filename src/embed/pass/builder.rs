@@ -333,8 +333,13 @@ impl PassBuilder {
 }
 
 /// The buffers that gradients are decoded from.
-const DECODED: [PassBuffer; 4] =
-    [PassBuffer::VertexGradients, PassBuffer::Totals, PassBuffer::TexelSums, PassBuffer::CornerGradients];
+const DECODED: [PassBuffer; 5] = [
+    PassBuffer::VertexGradients,
+    PassBuffer::FeatureGradients,
+    PassBuffer::Totals,
+    PassBuffer::TexelSums,
+    PassBuffer::CornerGradients,
+];
 
 impl Content {
     fn tables(&self, adjacency: bool) -> Result<Tables> {

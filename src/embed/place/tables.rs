@@ -67,6 +67,7 @@ impl Tables {
         made.segment(BufferId::Adjacency, 0, &tables.adjacency);
         made.segment(BufferId::VertexNormals, 0, &tables.normals);
         made.segment(BufferId::Colors, 0, &tables.colors);
+        made.segment(BufferId::Features, 0, &tables.features);
         made.segment(BufferId::Uvs, 0, &tables.uvs);
         made.segment(BufferId::UvIndices, 0, &tables.uv_indices);
         made.segment(BufferId::TriangleTextures, 0, &tables.triangle_textures);
@@ -142,7 +143,8 @@ impl Tables {
             self.push_colors(first, vertex, ends)?
         };
         let normals = group.iter().any(|mesh| mesh.has_normals);
-        self.shapes.push(MeshShape { vertices: vertex, triangles: triangle, most_corners, appearance, normals });
+        let (vertices, triangles, features) = (vertex, triangle, 0);
+        self.shapes.push(MeshShape { vertices, triangles, most_corners, appearance, normals, features });
         ends.vertices = sum(ends.vertices, vertex)?;
         ends.triangles = sum(ends.triangles, triangle)?;
         Ok(())

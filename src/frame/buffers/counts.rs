@@ -18,6 +18,8 @@ pub struct TableLengths {
     pub normals: u64,
     /// Floats of `colors`.
     pub colors: u64,
+    /// Texels of `features`.
+    pub features: u64,
     /// Floats of `uvs`.
     pub uvs: u64,
     /// Words of `uv_indices`.
@@ -68,6 +70,8 @@ pub struct FrameCounts {
     pub smooth: bool,
     /// Texels of a shading record; 0 if triangles have none.
     pub shading_texels: u32,
+    /// Texels of a vertex's features; 0 without an image of them.
+    pub feature_texels: u64,
     /// The frame keeps what backward needs.
     pub save: bool,
     /// Words of the state of a walk.
@@ -112,6 +116,8 @@ pub struct GradientCounts {
     pub corner_texels: u64,
     /// Rows of the reduction over lights.
     pub light_rows: u64,
+    /// Texels of a vertex's features; 0 without an image of them.
+    pub feature_texels: u64,
     /// Gradients by positions or colours are wanted.
     pub wants_vertices: bool,
     /// Vertices of all meshes.
@@ -130,12 +136,14 @@ impl GradientCounts {
 
     /// Texels of a pixel's factors of the gradients.
     pub fn pixel_texels(&self) -> u64 {
-        u64::from(self.shaded()) + u64::from(self.upstream.normal || (self.upstream.depth && self.upstream.color))
+        let up = self.upstream;
+        let features = if up.features { self.feature_texels } else { 0 };
+        u64::from(self.shaded()) + u64::from(up.normal || (up.depth && (up.color || up.features))) + features
     }
 
     /// Whether a shaded image has an upstream gradient.
     pub fn shaded(&self) -> bool {
-        self.upstream.color || self.upstream.depth || self.upstream.normal
+        self.upstream.color || self.upstream.depth || self.upstream.normal || self.upstream.features
     }
 }
 

@@ -94,6 +94,8 @@ table! {
         Lights("lights", Float4, Input, [], |f| 16 * (1 + 2 * f.lights));
         /// r, g, b of each mesh or of each of its vertices. A host's geometry can be written into it.
         Colors("colors", Float, Input, [STORAGE_BUFFER], |f| 4 * f.tables.colors);
+        /// Features of every vertex of every mesh, four a texel and zeros behind the last, if there is an image of them.
+        Features("features", Float4, Input, [], |f| when(f.feature_texels > 0, bytes(f.tables.features, 16)));
         /// u, v of the meshes that have images.
         Uvs("uvs", Float, Input, [], |f| 4 * f.tables.uvs);
         /// Three UV numbers of every triangle of those meshes.
@@ -151,6 +153,9 @@ table! {
         /// Σ w n of every pixel in world space, and 0.
         Normals("normals", Float4, Output, [UNIFORM_TEXEL_BUFFER],
             |f| when(f.outputs.normal, bytes(f.totals.pixels, 16)));
+        /// Σ w f of every pixel's features, as `features` has those of a vertex.
+        FeatureImage("feature_image", Float4, Output, [UNIFORM_TEXEL_BUFFER],
+            |f| when(f.feature_texels > 0, bytes(f.totals.pixels * f.feature_texels, 16)));
         /// Every pixel's state after aggregation, which backward starts from.
         Saved("saved", Float4, Workspace, [], |f| when(f.save, bytes(f.totals.pixels, 16)));
         /// Every tile's least log sum and largest transmittance, by which backward skips items.
@@ -172,6 +177,9 @@ table! {
         UpstreamDepths("upstream_depths", Float, Input, [], |g| when(g.upstream.depth, bytes(g.totals.pixels, 4)));
         /// dL by `normals`; the fourth component is not read.
         UpstreamNormals("upstream_normals", Float4, Input, [], |g| when(g.upstream.normal, bytes(g.totals.pixels, 16)));
+        /// dL by `feature_image`.
+        UpstreamFeatures("upstream_features", Float4, Input, [],
+            |g| when(g.upstream.features, bytes(g.totals.pixels * g.feature_texels, 16)));
         /// Every pixel's factors of the gradients through shaded images.
         PixelGradients("pixel_gradients", Float4, Workspace, [],
             |g| when(g.pixel_texels() > 0, bytes(g.totals.pixels * g.pixel_texels(), 16)));
@@ -209,6 +217,9 @@ table! {
             |g| when(g.corner_texels > 0, bytes(g.totals.records * g.corner_texels, 16)));
         /// dL by position and colour of every vertex: x, y, z, 0, r, g, b, 0.
         VertexGradients("vertex_gradients", Float4, Output, [], |g| when(g.wants_vertices, bytes(g.vertices, 32)));
+        /// dL by the features of every vertex, as `features` has them.
+        FeatureGradients("feature_gradients", Float4, Output, [],
+            |g| when(g.has(c::GRADIENT_FEATURES), bytes(g.vertices * g.feature_texels, 16)));
         /// dL by every texel: three sums in fixed point of 64 bits, four where some texture has an alpha.
         TexelSums("texel_sums", Uint, Output, [TRANSFER_SRC, TRANSFER_DST],
             |g| when(g.has(c::GRADIENT_TEXEL) && g.totals.records > 0, bytes(g.texels, if g.opacity { 32 } else { 24 })));

@@ -19,6 +19,8 @@ pub struct MeshShape {
     pub appearance: AppearanceShape,
     /// Whether its vertices have normals ([`Mesh::with_normals`]).
     pub normals: bool,
+    /// The features of each vertex ([`Mesh::with_features`]).
+    pub features: u32,
 }
 
 /// The appearance of a mesh, as far as sizes depend on it.
@@ -59,7 +61,8 @@ impl MeshShape {
         };
         let (vertices, triangles) = (mesh.positions().len() as u32, mesh.triangles().len() as u32);
         let normals = !mesh.normals().is_empty();
-        Self { vertices, triangles, most_corners: mesh.most_corners(), appearance, normals }
+        let features = mesh.feature_channels();
+        Self { vertices, triangles, most_corners: mesh.most_corners(), appearance, normals, features }
     }
 
     /// Whether it samples no texture.
@@ -198,6 +201,7 @@ impl TableLayout {
         next.vertices += vertices;
         next.triangles += triangles;
         next.colors += colors;
+        next.features += vertices * u64::from(shape.features.div_ceil(4));
         next.texels = next.texels.saturating_add(shape.texels());
         next.adjacency += if adjacency { vertices + 1 + 3 * triangles } else { 0 };
         self.meshes.push(mesh);

@@ -27,6 +27,8 @@ pub struct MeshTables {
     pub normals: Vec<f32>,
     /// r, g, b: one colour for each mesh, or one for each vertex.
     pub colors: Vec<f32>,
+    /// Features of every vertex, four a texel and zeros behind a vertex's last.
+    pub features: Vec<[f32; 4]>,
     /// u, v.
     pub uvs: Vec<f32>,
     /// Three UV numbers (within the mesh) of every triangle of a textured mesh.
@@ -75,6 +77,7 @@ impl MeshTables {
         if adjacency {
             push_adjacency(&mut self.adjacency, mesh.positions().len(), mesh.triangles());
         }
+        self.features.extend(feature_texels(mesh));
         self.push_appearance(mesh);
     }
 
@@ -133,6 +136,13 @@ pub(crate) fn push_adjacency(adjacency: &mut Vec<u32>, vertices: usize, triangle
 fn normal_values(mesh: &Mesh) -> impl Iterator<Item = f32> {
     let missing = if mesh.normals().is_empty() { 3 * mesh.positions().len() } else { 0 };
     mesh.normals().as_flattened().iter().copied().chain(std::iter::repeat_n(0.0, missing))
+}
+
+/// A mesh's features, four a texel and zeros behind a vertex's last.
+fn feature_texels(mesh: &Mesh) -> impl Iterator<Item = [f32; 4]> {
+    let of_vertex = mesh.features().chunks_exact(mesh.feature_channels().max(1) as usize);
+    let texel = |part: &[f32]| [0, 1, 2, 3].map(|k| part.get(k).copied().unwrap_or(0.0));
+    of_vertex.flat_map(move |features| features.chunks(4).map(texel))
 }
 
 /// Colours with an alpha of 1.

@@ -1,6 +1,6 @@
 //! Updates of the tables from a scene with the same layout, which report the tables that differ.
 
-use super::{MeshTables, kind_of, opaque, rgba};
+use super::{MeshTables, feature_texels, kind_of, opaque, rgba};
 use crate::frame::buffers::BufferId;
 use crate::scene::{Appearance, Mesh, Scene};
 
@@ -78,7 +78,7 @@ impl MeshTables {
             return None;
         }
         let mut changes = Changes::default();
-        let mut image = 0;
+        let (mut image, mut feature) = (0, 0);
         for (m, mesh) in scene.meshes.iter().enumerate() {
             let layout = self.layouts[m];
             let vertices = layout.vertex_range();
@@ -87,6 +87,9 @@ impl MeshTables {
             let normals = mesh.normals().as_flattened();
             let own = if normals.is_empty() { 0..0 } else { 3 * vertices.start..3 * vertices.end };
             changes.note(BufferId::VertexNormals, overwrite(&mut self.normals[own], normals));
+            let features = &mut self.features[feature..];
+            changes.note(BufferId::Features, overwrite_texels(features, feature_texels(mesh)));
+            feature += layout.vertices as usize * mesh.feature_channels().div_ceil(4) as usize;
             let colors = match mesh.appearance() {
                 Appearance::Uniform(color) => &color[..],
                 Appearance::VertexColors(colors) => colors.as_flattened(),

@@ -1,10 +1,10 @@
 //! The plan of a backward pass: buffer sizes, dispatch counts and modes, from a saved frame and the gradients wanted.
 //!
 //! Memory in bytes beyond the forward frame's, with the letters of [`crate::frame::plan`], M vertices of all meshes, I
-//! = S + cells beyond the first, and Q texels of a partial gradient (3; +3 for colours, +2 for UVs, +3 for normals):
+//! = S + cells beyond the first, and Q texels of a partial gradient (3; +3 for colours, +2 for UVs, +3 for normals, +3 F):
 //!
-//! `16 (shaded + normal) P + 4 P silhouette + I (16 Q + 4 + 16 shaded + 16 silhouette) + 4 S + 32 M`, the upstream images
-//! and, if needed, `16 (3 + 3 colours + 2 UVs) S` for corners, `32 P` for the background, `48 S` for camera, σ and γ, `32 S`
+//! `16 (shaded + normal + F) P + 4 P silhouette + I (16 Q + 4 + 16 shaded + 16 silhouette) + 4 S + 32 M`, the upstream images
+//! and, if needed, `16 F M` for features, `16 (3 + 3 colours + 2 UVs + 3 F) S` for corners, `32 P` for the background, `48 S` for camera, σ and γ, `32 S`
 //! or `32 V` for lights, `96 S + 16 V` for smooth shading, `24` a texel, or `32` with an alpha.
 //!
 //! Nothing grows with pixels × triangles.
@@ -90,14 +90,18 @@ fn gradient_bits(input: &BackwardInput) -> u32 {
     let sampled = up.color || input.forward.modes.opacity != 0;
     // Positions change normals, and normals change the light.
     let through_light = (w.positions && input.lit) || w.lights;
+    // Where the near plane cuts an edge, the new corner mixes what both ends have, by their depths.
+    let cut = (w.positions || w.camera) && input.forward.modes.near_clip != 0;
+    let textured = input.forward.modes.sampling != 0;
     bit(w.positions || w.camera, c::GRADIENT_GEOMETRY)
-        | bit(up.color && (w.colors || through_light), c::GRADIENT_COLOR)
-        | bit(sampled && w.uvs, c::GRADIENT_COORDINATE)
+        | bit(up.color && (w.colors || through_light || cut), c::GRADIENT_COLOR)
+        | bit(sampled && (w.uvs || (textured && cut)), c::GRADIENT_COORDINATE)
         | bit(sampled && w.texels, c::GRADIENT_TEXEL)
         | bit(w.scalars, c::GRADIENT_SCALARS)
-        | bit(up.normal && w.positions, c::GRADIENT_NORMAL)
+        | bit(up.normal && (w.positions || cut), c::GRADIENT_NORMAL)
         | bit(w.camera, c::GRADIENT_VIEW)
         | bit(up.color && w.lights, c::GRADIENT_LIGHTS)
+        | bit(up.features && (w.features || cut), c::GRADIENT_FEATURES)
         | bit(w.background, c::GRADIENT_BACKGROUND)
 }
 
@@ -131,7 +135,7 @@ impl BackwardPlan {
 
     /// Texels of one triangle in `corner_gradients`.
     pub fn corner_stride(&self) -> u32 {
-        3 + 3 * u32::from(self.has(c::GRADIENT_COLOR)) + 2 * u32::from(self.has(c::GRADIENT_COORDINATE))
+        corner_texels(&self.modes)
     }
 
     /// Sizes, counts and modes of a backward pass.
@@ -178,9 +182,23 @@ fn is_per_vertex(input: &BackwardInput, modes: &Modes) -> bool {
     walks && modes.near_clip == 0 && modes.smooth == 0 && !lit && !input.upstream.normal
 }
 
+/// Whether gradients by what each vertex has are wanted.
+pub fn wants_vertices(wanted: &GradientRequest) -> bool {
+    wanted.positions || wanted.colors || wanted.features
+}
+
+/// Texels of one triangle in `corner_gradients`.
+fn corner_texels(modes: &Modes) -> u32 {
+    let part = |flag: u32, texels: u32| if modes.gradients & flag != 0 { texels } else { 0 };
+    3 + part(c::GRADIENT_COLOR, 3)
+        + part(c::GRADIENT_FEATURES, 3 * modes.feature_texels)
+        + part(c::GRADIENT_COORDINATE, 2)
+}
+
 /// Whether some sum needs the gradients by each triangle's corners. With `per_vertex` the sums over vertices do not.
 fn sums_corners(modes: &Modes) -> bool {
-    let by_vertex = if modes.per_vertex == 0 { 0 } else { c::GRADIENT_GEOMETRY | c::GRADIENT_COLOR };
+    let by_vertex =
+        if modes.per_vertex == 0 { 0 } else { c::GRADIENT_GEOMETRY | c::GRADIENT_COLOR | c::GRADIENT_FEATURES };
     modes.gradients & !(c::GRADIENT_BACKGROUND | c::GRADIENT_TEXEL | by_vertex) != 0
 }
 
@@ -221,7 +239,7 @@ fn counts_of(input: &BackwardInput, modes: &Modes) -> GradientCounts {
     let part = |flag: u32, texels: u32| if gradients & flag != 0 { u64::from(texels) } else { 0 };
     let up = input.upstream;
     let (totals, push) = (input.forward.totals, &input.forward.push);
-    let shaded = up.color || up.depth || up.normal;
+    let shaded = up.color || up.depth || up.normal || up.features;
     let opacity = input.forward.modes.opacity != 0;
     GradientCounts {
         totals,
@@ -236,14 +254,12 @@ fn counts_of(input: &BackwardInput, modes: &Modes) -> GradientCounts {
         partial_texels: u64::from(c::PARTIAL_TEXELS)
             + part(c::GRADIENT_COLOR, c::PARTIAL_COLOR_TEXELS)
             + part(c::GRADIENT_COORDINATE, c::PARTIAL_COORDINATE_TEXELS)
-            + part(c::GRADIENT_NORMAL, c::PARTIAL_NORMAL_TEXELS),
-        corner_texels: if modes.per_vertex == 0 || sums_corners(modes) {
-            3 + part(c::GRADIENT_COLOR, 3) + part(c::GRADIENT_COORDINATE, 2)
-        } else {
-            0
-        },
+            + part(c::GRADIENT_NORMAL, c::PARTIAL_NORMAL_TEXELS)
+            + part(c::GRADIENT_FEATURES, 3 * modes.feature_texels),
+        corner_texels: if modes.per_vertex == 0 || sums_corners(modes) { corner_texels(modes).into() } else { 0 },
         light_rows: if modes.smooth != 0 { totals.vertices } else { totals.records },
-        wants_vertices: input.wanted.positions || input.wanted.colors,
+        feature_texels: modes.feature_texels.into(),
+        wants_vertices: wants_vertices(input.wanted),
         vertices: input.vertices,
         texels: input.texels,
         sums: u64::from(push.view_count) + u64::from(push.light_count) + 2,
@@ -259,7 +275,7 @@ fn groups_of(input: &BackwardInput, modes: &Modes, sum_views: bool, sum_pixels: 
     let linear = |n: u32, y: u32| [n.div_ceil(c::LINEAR_GROUP), y, 1];
     let items = forward.totals.records + u64::from(forward.push.cell_capacity);
     let triangles = gradients & !c::GRADIENT_BACKGROUND != 0 && forward.totals.records > 0;
-    let vertices = input.wanted.positions || input.wanted.colors;
+    let vertices = wants_vertices(input.wanted);
     let corners = sums_corners(modes);
     BackwardGroups {
         pixel_grad: when(sum_pixels, rows_of(forward.totals.tiles, 1)),

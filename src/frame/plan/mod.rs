@@ -3,15 +3,15 @@
 //! Memory in bytes, with V vertices and S triangle records over all views (one for each triangle; two if triangles may
 //! cross the near plane), P pixels over all views, B bins (64×32 pixels) of a view and N over all views, T tiles (8×4
 //! pixels) over all views, C and L the capacities of the bins' and the tiles' lists, Q the texels of a shading record
-//! (4; +2 with textures, +3 with normals; 1 for the silhouette alone):
+//! (4; +2 with textures, +3 with normals, +3 F; 1 for the silhouette alone) and F those of a vertex's features, four each:
 //!
 //! `32 V + (32 V smooth) + 80 S + 16 Q S + B S/8 + 8 N + 12¼ C + 52 T + 4 L + 16 P colour, or 4 P silhouette alone,
-//! + 4 P depth + 16 P normal`, and for backward `16 P + 8 T + 8 S` and 8 a cell (64×32 pixels) that a box has beyond its first.
+//! + 4 P depth + 16 P normal + 16 F P`, and for backward `16 P + 8 T + 8 S` and 8 a cell (64×32 pixels) that a box has beyond its first.
 //!
 //! Textures with an alpha give the silhouette alone shading records too.
 //!
 //! On a software device, for views of more than some 45,000 records, lists without room are walked in several turns.
-//! That takes 2836 bytes more for each of at most 4096 tiles, or 2964 where textures have an alpha.
+//! That takes 2836 bytes more for each of at most 4096 tiles, 128 more where textures have an alpha, and 1024 F for features.
 //!
 //! Nothing grows with pixels × triangles.
 
@@ -24,7 +24,7 @@ mod rare;
 mod tests;
 mod walk;
 
-pub use backward::{BackwardInput, BackwardPlan};
+pub use backward::{BackwardInput, BackwardPlan, wants_vertices};
 pub use capacity::Capacity;
 pub use frame::{FramePush, split};
 pub use modes::{DepthSpan, Modes, Sampling};
@@ -109,6 +109,8 @@ pub struct PlanInput<'a> {
     pub tables: TableLengths,
     /// The lights, validated.
     pub lights: &'a Lights,
+    /// The features of each vertex.
+    pub features: u32,
     /// The kinds of texture that the meshes have.
     pub sampling: Sampling,
     /// Whether triangles may lie across the near plane or beyond the far plane.
@@ -190,7 +192,8 @@ fn counts_of(input: &PlanInput, push: &FramePush, modes: &Modes, totals: Totals,
     let sampled = input.sampling.surface || input.sampling.image;
     let record = c::SHADING_TEXELS
         + u32::from(sampled) * c::SHADING_COORDINATE_TEXELS
-        + u32::from(input.settings.outputs.normal) * c::SHADING_NORMAL_TEXELS;
+        + u32::from(input.settings.outputs.normal) * c::SHADING_NORMAL_TEXELS
+        + 3 * modes.feature_texels;
     FrameCounts {
         tables: input.tables,
         views: input.views.len() as u64,
@@ -201,7 +204,10 @@ fn counts_of(input: &PlanInput, push: &FramePush, modes: &Modes, totals: Totals,
         smooth: modes.smooth != 0,
         shading_texels: if shades(modes) { record } else { 0 },
         save: input.save,
-        walk_words: c::WALK_STATE_WORDS + modes.opacity * c::WALK_OPACITY_WORDS,
+        feature_texels: modes.feature_texels.into(),
+        walk_words: c::WALK_STATE_WORDS
+            + modes.opacity * c::WALK_OPACITY_WORDS
+            + modes.feature_texels * c::WALK_FEATURE_WORDS,
         resumed: walks.resumed_tiles(&totals),
         resumed_rows: walks.rows(&totals).into(),
     }
@@ -258,7 +264,8 @@ fn ranges_of(input: &PlanInput, frame: &FramePush) -> Result<(Vec<ViewRange>, To
         t.tiles += u64::from(frame.tiles_x) * u64::from(frame.tiles_y);
         t.pixels += u64::from(frame.width) * u64::from(frame.height);
     }
-    // Kernels index texels with i32; the widest record has 9 texels.
+    // Kernels index texels with i32; the widest record has 9 texels and those of its features.
+    let features = if input.settings.outputs.features { u64::from(input.features.div_ceil(4)) } else { 0 };
     let index = |what: &str, needed: u64, fix: &str| -> Result<()> {
         let limit = i32::MAX as u64;
         if needed <= limit {
@@ -267,9 +274,13 @@ fn ranges_of(input: &PlanInput, frame: &FramePush) -> Result<(Vec<ViewRange>, To
         let (what, fix) = (what.to_owned(), fix.to_owned());
         Err(Error::Limit { what, needed, unit: "elements", limit_name: "32-bit index", limit, fix })
     };
-    index("the triangle records of all views", 9 * t.records, "render fewer views or triangles in one frame")?;
+    index(
+        "the triangle records of all views",
+        (9 + 3 * features) * t.records,
+        "render fewer views or triangles in one frame",
+    )?;
     index("the vertices of all views", 3 * t.vertices, "render fewer views in one frame")?;
-    index("the images of all views", t.pixels, "render fewer views in one frame, or smaller images")?;
+    index("the images of all views", features.max(1) * t.pixels, "render fewer views in one frame, or smaller images")?;
     index("the bins' bitmaps", t.words, "render fewer views in one frame, or smaller images")?;
     let triangles = input.views.iter().map(|v| u64::from(v.triangles)).max().unwrap_or(0);
     if triangles > MOST_TRIANGLES {

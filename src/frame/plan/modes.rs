@@ -139,6 +139,8 @@ modes! {
         walks = "WALKS",
         /// 1: some image has an alpha below 1.
         opacity = "OPACITY",
+        /// Texels of a vertex's features, four features each; 0 without an image of them.
+        feature_texels = "FEATURE_TEXELS",
         /// OUTPUT_ bits of the images that have an upstream gradient; 0 in a forward frame.
         upstream = "UPSTREAM",
         /// GRADIENT_ bits of the inputs to differentiate by; 0 in a forward frame.
@@ -159,6 +161,7 @@ pub(super) fn output_bits(o: Outputs) -> u32 {
         | bit(o.silhouette, c::OUTPUT_SILHOUETTE)
         | bit(o.depth, c::OUTPUT_DEPTH)
         | bit(o.normal, c::OUTPUT_NORMAL)
+        | bit(o.features, c::OUTPUT_FEATURES)
 }
 
 impl Modes {
@@ -166,7 +169,7 @@ impl Modes {
     pub(super) fn new(input: &PlanInput) -> Self {
         let s = input.settings;
         let official = s.parity == Parity::Official;
-        let shaded = s.outputs.color || s.outputs.depth || s.outputs.normal;
+        let shaded = s.outputs.color || s.outputs.depth || s.outputs.normal || s.outputs.features;
         let depth_range = match (official, input.depth_span.crosses_far) {
             // The official silhouette includes every depth, so the range matters to shaded images only.
             (true, _) if shaded => c::DEPTH_RANGE_OFFICIAL,
@@ -214,6 +217,7 @@ impl Modes {
             opacity: u32::from(input.sampling.opacity),
             loop_passes: input.loop_passes,
             walks: u32::from(input.rare.walked),
+            feature_texels: if s.outputs.features { input.features.div_ceil(4) } else { 0 },
             ..Self::default()
         }
     }

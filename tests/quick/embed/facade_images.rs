@@ -177,7 +177,7 @@ fn matrices_render_and_store_as_the_hosts_rasterizer_would() {
     // Looking along -z from eye: a translation.
     let view = DMat4::from_translation(-eye).to_cols_array_2d();
     let projection = reversed_infinite(fov_y, 48.0 / 32.0, near);
-    let outputs = Outputs { color: true, silhouette: true, depth: true, normal: false };
+    let outputs = Outputs { normal: false, ..Outputs::ALL };
     let settings = Settings {
         width: 48,
         height: 32,

@@ -13,7 +13,7 @@ use crate::common::{
 };
 use crate::modes::mode_base;
 use softras::{
-    GradientMode, GradientRequest,
+    GradientMode, GradientRequest, Lights,
     scene::{Appearance, Outputs, Shading},
 };
 use std::collections::{BTreeMap, BTreeSet};
@@ -30,6 +30,7 @@ fn random_images(case: &Case) -> Outputs {
         silhouette: some(rendered.silhouette),
         depth: some(rendered.depth),
         normal: some(rendered.normal),
+        features: false,
     };
     let none = Outputs::NOTHING;
     if images == none { rendered } else { images }
@@ -135,4 +136,40 @@ fn wanted_is_what_comes() {
             assert!(error < 1e-6, "{name} alone changes {got} by {error:e}\n{case:?}");
         }
     }
+}
+
+/// One gradient alone is that among all others: no term of it is left out because nobody asked for another. Where the near plane
+/// cuts a triangle, the new corners' colours, texture coordinates and normals depend on the positions and on the camera.
+#[test]
+fn each_gradient_alone_is_that_among_all() {
+    let nothing = GradientRequest::NOTHING;
+    let alone = [
+        GradientRequest { positions: true, ..nothing },
+        GradientRequest { camera: true, ..nothing },
+        GradientRequest { colors: true, ..nothing },
+        GradientRequest { texels: true, ..nothing },
+        GradientRequest { uvs: true, ..nothing },
+        GradientRequest { lights: true, ..nothing },
+        GradientRequest { background: true, ..nothing },
+        GradientRequest { scalars: true, ..nothing },
+    ];
+    let (mut renderer, mut seen) = (renderer(), 0);
+    let kinds = [(Kind::Clipped, tier(8, 60)), (Kind::Modes, tier(2, 20))];
+    for (seed, kind) in kinds.into_iter().flat_map(|(kind, count)| (0..count).map(move |seed| (900 + seed, kind))) {
+        let mut case = small_case(seed, kind);
+        if seed % 2 == 0 {
+            case.scene.lights = Lights::unlit();
+        }
+        let upstream = random_upstream(&case, random_images(&case));
+        let all = backward(&mut renderer, &case, &upstream, &GradientRequest::ALL).unwrap();
+        for (i, wanted) in alone.iter().enumerate().take(if seed % 4 < 2 { 2 } else { alone.len() }) {
+            let found = backward(&mut renderer, &case, &upstream, wanted).unwrap();
+            for ((name, ours), (_, reference)) in matching(&found, &all) {
+                let error = relative_error(&Group { name, ours, reference }, 0.0).unwrap();
+                assert!(error < 1e-4, "{name} alone (request {i}) is off by {error:e}: {case:?}");
+                seen += 1;
+            }
+        }
+    }
+    assert!(seen > 20, "{seen}");
 }

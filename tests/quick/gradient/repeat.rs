@@ -289,7 +289,7 @@ fn wrong_uses_are_refused() {
     // A refusal changes nothing.
     renderer.backward(&latest, &upstream, &wanted).unwrap();
 
-    let color_only = Outputs { color: true, silhouette: false, depth: false, normal: false };
+    let color_only = Outputs { color: true, ..Outputs::NOTHING };
     let few = Settings { outputs: color_only, ..case.settings.clone() };
     let frame = renderer.render(&case.scene, &case.cameras, &few).unwrap();
     assert_refused(renderer.backward(&frame, &upstream, &wanted), "the frame has no silhouette image");

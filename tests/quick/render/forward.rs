@@ -66,7 +66,7 @@ fn official_box_ends_barycentric_support() {
 #[test]
 fn slivers_of_every_height() {
     // A triangle without height has no defined normal.
-    let outputs = Outputs { color: true, silhouette: true, depth: false, normal: false };
+    let outputs = Outputs { color: true, silhouette: true, ..Outputs::NOTHING };
     let mut renderer = renderer();
     for seed in 0..4 {
         let mut random = Random::new(seed);
@@ -100,7 +100,7 @@ fn outputs_are_those_asked_for() {
     for bits in (1..16u32).step_by(tier(5, 1)) {
         let [color, silhouette, depth, normal] = [0, 1, 2, 3].map(|bit| bits >> bit & 1 == 1);
         let mut case = case.clone();
-        case.settings.outputs = Outputs { color, silhouette, depth, normal };
+        case.settings.outputs = Outputs { color, silhouette, depth, normal, features: false };
         agreement(&mut renderer, &case).unwrap_or_else(|e| panic!("{e}"));
         let frame = renderer.render(&case.scene, &case.cameras, &case.settings).unwrap();
         let made = [frame.color(), frame.silhouette(), frame.depth(), frame.normal()].map(|image| image.is_ok());

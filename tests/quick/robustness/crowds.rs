@@ -116,7 +116,7 @@ fn a_background_of_four_million_pixels_is_summed_to_the_end() {
     let black = mesh.with_appearance(Appearance::Uniform([0.0; 3])).unwrap();
     let settings = Settings {
         background_color: [1.0; 3],
-        outputs: Outputs { color: true, silhouette: false, depth: false, normal: false },
+        outputs: Outputs { color: true, ..Outputs::NOTHING },
         save: true,
         sigma: 1e-5,
         ..small(2048, 2048)

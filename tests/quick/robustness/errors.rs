@@ -262,8 +262,8 @@ fn meshes_end_where_they_say() {
 fn upstream_gradients() {
     let image =
         |channels: usize, count: usize| Image { batch: 2, height: 3, width: 4, channels, data: vec![0.5; count] };
-    let rendered = Outputs { color: true, silhouette: true, depth: false, normal: false };
-    let check = |gradient: &ImageGradient| gradient.validate(rendered, 2, 3, 4);
+    let rendered = Outputs { color: true, silhouette: true, ..Outputs::NOTHING };
+    let check = |gradient: &ImageGradient| gradient.validate(rendered, 2, 3, 4, 0);
     let (color, silhouette) = (ImageGradient::color(image(3, 72)), ImageGradient::silhouette(image(1, 24)));
     let both = ImageGradient { silhouette: silhouette.silhouette.clone(), ..color.clone() };
     [&color, &silhouette, &both].into_iter().for_each(|good| check(good).unwrap());
@@ -271,7 +271,7 @@ fn upstream_gradients() {
     let depth = ImageGradient { depth: Some(image(1, 24)), ..color };
     assert_says(check(&depth), &["no depth image", "Settings::outputs"]);
     // The shape of another frame, and a shape that its values do not fill.
-    assert_says(both.validate(rendered, 2, 4, 3), &["color gradient has shape [2, 3, 4, 3]", "[2, 4, 3, 3]"]);
+    assert_says(both.validate(rendered, 2, 4, 3, 0), &["color gradient has shape [2, 3, 4, 3]", "[2, 4, 3, 3]"]);
     assert_says(check(&ImageGradient::color(image(1, 24))), &["[2, 3, 4, 1]", "[2, 3, 4, 3]"]);
     assert_says(check(&ImageGradient::silhouette(image(1, 23))), &["the silhouette gradient"]);
     let mut infinite = both;

@@ -59,6 +59,7 @@ impl Mode {
             silhouette: both || self == Self::Silhouette,
             depth: self == Self::Depth,
             normal: self == Self::Normal,
+            features: false,
         }
     }
 

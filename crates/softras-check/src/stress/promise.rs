@@ -81,11 +81,12 @@ pub(super) fn upstream_of(cases: &[Case]) -> ImageGradient {
     let mut all = cases.iter().map(|case| upstream(case, None));
     let mut sum = all.next().unwrap_or_default();
     for next in all {
-        let ImageGradient { color, silhouette, depth, normal } = next;
+        let ImageGradient { color, silhouette, depth, normal, features } = next;
         append(&mut sum.color, color);
         append(&mut sum.silhouette, silhouette);
         append(&mut sum.depth, depth);
         append(&mut sum.normal, normal);
+        append(&mut sum.features, features);
     }
     sum
 }

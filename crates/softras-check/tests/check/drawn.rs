@@ -137,7 +137,7 @@ fn a_corner_that_near_just_leaves_is_whole_in_backward_too() {
 fn a_long_edge_is_cut_at_near() {
     let mut stress = stress();
     let camera = Camera::from_matrix(DMat4::IDENTITY, Projection::Perspective { fov_y: 1.2 }).unwrap();
-    let outputs = Outputs { color: true, silhouette: true, depth: true, normal: false };
+    let outputs = Outputs { normal: false, ..Outputs::ALL };
     for behind in [-10.0, -1e8] {
         let positions = [[0.3, -0.4, 2.0], [-0.4, 0.3, 1.5], [0.1, 0.6, behind]];
         let (near, far, width, height) = (0.5, 10.0, 24, 20);

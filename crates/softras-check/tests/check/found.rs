@@ -7,7 +7,7 @@ use softras::{
     scene::{Appearance, Background, Distance, Interpolation, Outputs, Parity, Shading, Texture, Wrap},
 };
 
-const USUAL: Outputs = Outputs { color: true, silhouette: true, depth: false, normal: false };
+const USUAL: Outputs = Outputs { color: true, silhouette: true, ..Outputs::NOTHING };
 
 fn settings(near: f64, far: f64) -> Settings {
     Settings {
@@ -40,6 +40,7 @@ fn stays_finite(corners: [[f32; 3]; 3], camera: Camera, settings: &Settings, lig
         silhouette: weights(frame.silhouette()),
         depth: weights(frame.depth()),
         normal: weights(frame.normal()),
+        features: None,
     };
     all_finite(&renderer.backward(&frame, &upstream, &GradientRequest::ALL).unwrap()).unwrap();
 }

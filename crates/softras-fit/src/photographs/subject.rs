@@ -101,6 +101,7 @@ impl Subject {
                 silhouette: true,
                 depth: options.maps.contains(&Map::Depth),
                 normal: options.maps.contains(&Map::Normal),
+                features: false,
             },
             ..sized(&Settings::default(), size, samples)
         };

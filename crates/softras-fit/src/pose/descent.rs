@@ -136,7 +136,7 @@ impl PoseFit {
             // Dropping a fragment that is nearer than all others makes the colour jump, and a jump has no gradient.
             tau: self.settings.tau.min(1e-8),
             background: Background::Composite,
-            outputs: Outputs { color: true, silhouette: true, depth: false, normal: false },
+            outputs: Outputs { color: true, silhouette: true, ..Outputs::NOTHING },
             color: ColorAggregation::Softmax,
             silhouette: SilhouetteAggregation::Product,
             save: true,

@@ -247,7 +247,7 @@ fn settings(sigma: f64, samples: u32) -> Settings {
         far: FAR.1,
         background: Background::Composite,
         interpolation: Interpolation::Perspective,
-        outputs: Outputs { color: true, silhouette: true, depth: false, normal: false },
+        outputs: Outputs { color: true, silhouette: true, ..Outputs::NOTHING },
         ..Settings::default()
     }
 }

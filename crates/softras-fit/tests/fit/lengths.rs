@@ -72,8 +72,8 @@ proptest! {
         prop_assert!(pooled_gradient(&a, &b, factor, x).is_err() || (is_whole(&a) && is_whole(&b)));
         prop_assert!(blurred_gradient(&a, &b, x).is_err() || (is_whole(&a) && is_whole(&b)));
         let gradient = ImageGradient { silhouette: Some(b.clone()), ..ImageGradient::color(a.clone()) };
-        let rendered = Outputs { color: true, silhouette: true, depth: false, normal: false };
-        let checked = gradient.validate(rendered, a.batch, a.height, a.width);
+        let rendered = Outputs { color: true, silhouette: true, ..Outputs::NOTHING };
+        let checked = gradient.validate(rendered, a.batch, a.height, a.width, 0);
         prop_assert!(checked.is_err() || (is_whole(&a) && is_whole(&b)));
         let targets = Views { cameras: vec![camera(); a.batch.min(3)], silhouette: Some(a.clone()), color: Some(b), ..Views::default() };
         prop_assert!(targets.size().is_err() || is_whole(&a));

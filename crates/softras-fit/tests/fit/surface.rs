@@ -9,7 +9,7 @@ use softras_fit::{ImageLoss, Method, Parametrization, ShapeFit, ShapeOptions, po
 use softras_io::Views;
 
 const SIDE: u32 = 24;
-const ALL: Outputs = Outputs { color: false, silhouette: true, depth: true, normal: true };
+const ALL: Outputs = Outputs { color: false, ..Outputs::ALL };
 
 fn cameras(count: u32) -> Vec<Camera> {
     meshes::cameras(PERSPECTIVE, 4.0, (0..count).map(|i| [75.0 - 30.0 * f64::from(i % 4), 70.0 * f64::from(i)]))

@@ -7,6 +7,9 @@ returns the gradient by each of them.
 from __future__ import annotations
 
 import dataclasses
+import functools
+import operator
+import types
 from typing import Any, Callable, Dict, List, NamedTuple, Optional, Sequence, Tuple, Type, Union
 
 import numpy as np
@@ -17,17 +20,19 @@ from .errors import InputError
 from .rendering import batched, default_renderer
 from .settings import DirectionalLight, Lights, Settings
 
-IMAGES = ("color", "silhouette", "depth", "normal")
+IMAGES = ("color", "silhouette", "depth", "normal", "features")
 
 #: Dimensions of one mesh's array; an array of one more has one for each mesh.
-_OF_MESH = {"positions": 2, "colors": 2, "surface": 3, "uvs": 2, "textures": 3}
+_OF_MESH = {"positions": 2, "colors": 2, "features": 2, "surface": 3, "uvs": 2, "textures": 3}
 _OF_LIGHTS = ("ambient_color", "ambient_intensity", "light_directions", "light_colors", "light_intensities")
 _OF_SETTINGS = ("background", "sigma", "gamma")
 _OF_CAMERAS = ("views", "projections")
 #: What `Frame.backward` calls the gradient by each input.
 _BY = {"surface": "texels", "textures": "texels", "views": "cameras", "projections": "cameras", "background": "background"}
-_BY.update({name: name for name in ("positions", "colors", "uvs")})
+_BY.update({name: name for name in ("positions", "colors", "features", "uvs")})
 _BY.update({name: "lights" for name in _OF_LIGHTS}, sigma="scalars", gamma="scalars")
+#: The most features of a frame, and those that the reference device renders at once: as colours.
+_FEATURES, _EXACT_FEATURES = 32, 3
 #: The last row of a view matrix.
 _LAST_ROW = (0.0, 0.0, 0.0, 1.0)
 
@@ -70,14 +75,14 @@ class Scene:
     renderer: Optional[Renderer]
 
     def meshes(self, arrays: Sequence[np.ndarray], colored: bool = True) -> List[Mesh]:
-        """The meshes with the arrays' values, or without their colours."""
+        """The meshes with the arrays' values but for features, or without their colours."""
         found = []
         # Triangles that several meshes have are read and checked once.
         bare: Dict[Any, Mesh] = {}
         for i, (template, look) in enumerate(zip(self.templates, self.looks)):
             given: Dict[str, Any] = {}
             for one, array in zip(self.inputs, arrays):
-                if not colored and one.name in ("colors", "surface"):
+                if one.name == "features" or (not colored and one.name in ("colors", "surface")):
                     continue
                 if one.belongs_to(i) and one.name == "textures":
                     given.setdefault("textures", []).append(one.part(array, i))
@@ -91,6 +96,17 @@ class Scene:
                 base = bare[id(template), len(positions)] = Mesh(positions, template)
             moved = base.with_positions(positions)
             found.append(moved._with_part_of_look(**given) if given else moved)
+        return found
+
+    def features(self, arrays: Sequence[np.ndarray]) -> List[np.ndarray]:
+        """The features of each mesh; none where no mesh has any."""
+        found = []
+        for i, _ in enumerate(self.templates):
+            for one, array in zip(self.inputs, arrays):
+                if one.name == "features" and one.belongs_to(i):
+                    found.append(one.part(array, i))
+        if len({array.shape[-1] for array in found if array.ndim == 2}) > 1:
+            raise InputError("meshes with different numbers of features: give each [V, N] with one N")
         return found
 
     def seen(self, values: Dict[str, np.ndarray]) -> List[Camera]:
@@ -176,6 +192,68 @@ class _Reference:
         return reference.gradient(*self._scene, mode=mode, **upstream)
 
 
+class _ExactFeatures:
+    """Up to three features of the reference device, which are colours without light before a black background."""
+
+    def __init__(self, meshes, cameras, settings, positions, features):
+        self._channels = features[0].shape[-1]
+        colors = [np.pad(array, ((0, 0), (0, _EXACT_FEATURES - self._channels))) for array in features]
+        settings = dataclasses.replace(settings, outputs=("color",), background_color=(0.0, 0.0, 0.0))
+        colored = [Mesh(mesh.positions, mesh.triangles, colors=part) for mesh, part in zip(meshes, colors)]
+        self._frame = _Reference(colored, cameras, settings, Lights(), positions, colors)
+        self.features = self._frame.color[..., : self._channels]
+
+    def backward(self, *, by, mode, features):
+        padded = np.pad(features, ((0, 0),) * 3 + ((0, _EXACT_FEATURES - self._channels),))
+        found = self._frame.backward(by=by, mode=mode, color=padded)
+        kept = types.SimpleNamespace(**{name: getattr(found, name) for name in _GRADIENTS if name not in _OF_COLORS})
+        meshes = [(mesh.positions, mesh.colors[:, : self._channels]) for mesh in found.meshes]
+        kept.meshes = [types.SimpleNamespace(positions=places, features=part) for places, part in meshes]
+        return kept
+
+
+class _Joined:
+    """A frame with features from other frames, of some features each."""
+
+    def __init__(self, frame, parts):
+        self._frame, self._parts = frame, parts
+        for name in IMAGES:
+            setattr(self, name, getattr(frame, name, None))
+        self.features = np.concatenate([part.features for part in parts], -1)
+
+    def backward(self, *, by, mode, **upstream):
+        given = upstream.pop("features", None)
+        found = [self._frame.backward(by=by, mode=mode, **upstream)] if upstream else []
+        ends = np.cumsum([part.features.shape[-1] for part in self._parts])
+        rows = [] if given is None else zip(self._parts, np.split(given, ends[:-1], -1))
+        parts = [part.backward(by=by, mode=mode, features=np.ascontiguousarray(own)) for part, own in rows]
+        total = types.SimpleNamespace()
+        for name in _GRADIENTS:
+            setattr(total, name, _sum([getattr(one, name, None) for one in found + parts]))
+        total.meshes = []
+        for of_mesh in zip(*(one.meshes for one in found + parts)):
+            mesh = types.SimpleNamespace()
+            for name in _MESH_GRADIENTS:
+                setattr(mesh, name, _sum([getattr(one, name, None) for one in of_mesh]))
+            features = [getattr(one, "features", None) for one in of_mesh[len(found) :]]
+            mesh.features = np.concatenate(features, -1) if features and features[0] is not None else None
+            total.meshes.append(mesh)
+        return total
+
+
+_MESH_GRADIENTS = ("positions", "colors", "surface", "textures", "alphas", "uvs")
+_OF_COLORS = ("ambient_color", "ambient_intensity", "light_directions", "light_colors", "light_intensities", "background")
+_GRADIENTS = ("twists", "projections", "epsilon", "sigma", "gamma") + _OF_COLORS
+
+
+def _sum(values):
+    """The sum of arrays, or of lists of arrays, of which some may be None."""
+    given = [value for value in values if value is not None]
+    if not given:
+        return None
+    return [_sum(each) for each in zip(*given)] if isinstance(given[0], list) else functools.reduce(operator.add, given)
+
+
 def render(scene: Scene, arrays: Sequence[np.ndarray], save: bool, colored: bool = True) -> Union[Frame, _Reference]:
     """A frame of the arrays' values, by the reference device where the positions are in double precision; the silhouette alone unless
     it is `colored`."""
@@ -185,14 +263,35 @@ def render(scene: Scene, arrays: Sequence[np.ndarray], save: bool, colored: bool
     settings, lights = scene.set(values), scene.lit(values)
     if not colored:
         settings = dataclasses.replace(settings, outputs=("silhouette",))
-    if arrays[0].dtype != np.float64:
-        return (scene.renderer or default_renderer()).render(meshes, cameras, settings, lights, save=save)
-    exact: Dict[str, list] = {"positions": [], "colors": []}
-    for i in [i for i in range(len(own)) for _ in range(len(meshes) // len(own))]:
+    exact = arrays[0].dtype == np.float64
+    times = len(meshes) // len(own)
+    features = [array for array in scene.features(arrays) for _ in range(times)] if "features" in settings.outputs else []
+    renderer = None if exact else scene.renderer or default_renderer()
+    at_once = _EXACT_FEATURES if exact else _FEATURES
+    channels = features[0].shape[-1] if features else 0
+    if not exact and channels <= at_once:
+        meshes = [mesh.with_features(part) for mesh, part in zip(meshes, features)] or meshes
+        return renderer.render(meshes, cameras, settings, lights, save=save)
+    others = dataclasses.replace(settings, outputs=tuple(name for name in settings.outputs if name != "features"))
+    given: Dict[str, list] = {"positions": [], "colors": []}
+    for i in [i for i in range(len(own)) for _ in range(times)]:
         for one, array in zip(scene.inputs, arrays):
-            if one.name in exact and one.belongs_to(i):
-                exact[one.name].append(one.part(array, i))
-    return _Reference(meshes, cameras, settings, lights, exact["positions"], exact["colors"] or None)
+            if exact and one.name in given and one.belongs_to(i):
+                given[one.name].append(one.part(array, i))
+    frame, parts = None, []
+    if others.outputs and exact:
+        frame = _Reference(meshes, cameras, others, lights, given["positions"], given["colors"] or None)
+    elif others.outputs:
+        frame = renderer.render(meshes, cameras, others, lights, save=save)
+    for first in range(0, channels, at_once):
+        part = [array[:, first : first + at_once] for array in features]
+        if exact:
+            parts.append(_ExactFeatures(meshes, cameras, settings, given["positions"], part))
+        else:
+            alone = dataclasses.replace(settings, outputs=("features",))
+            moved = [mesh.with_features(own) for mesh, own in zip(meshes, part)]
+            parts.append(renderer.render(moved, cameras, alone, lights, save=save))
+    return _Joined(frame, parts) if parts else frame
 
 
 def _by_views(twists: np.ndarray, views: np.ndarray) -> np.ndarray:
@@ -245,6 +344,8 @@ def _any(array: np.ndarray) -> bool:
 
 def _matters(name: str, upstream: Dict[str, np.ndarray]) -> bool:
     """Whether a loss of these images can depend on an input."""
+    if name == "features":
+        return "features" in upstream
     return "color" in upstream if name in ("colors", "surface", "background") + _OF_LIGHTS else bool(upstream)
 
 
@@ -353,12 +454,16 @@ def build(
     seen = [cameras] if isinstance(cameras, Camera) else list(cameras)
     if not any(name in tensors for name in _OF_CAMERAS) and len(seen) == 1:
         seen = seen * meshes
+    settings = constants.get("settings") or Settings()
+    outputs = (settings.outputs,) if isinstance(settings.outputs, str) else tuple(settings.outputs)
+    if given.get("features") is not None and "features" not in outputs:
+        settings = dataclasses.replace(settings, outputs=(*outputs, "features"))
     scene = Scene(
         inputs=[one for one, _ in collected],
         templates=_templates(faces, meshes, host),
         looks=looks,
         cameras=seen,
-        settings=constants.get("settings") or Settings(),
+        settings=settings,
         lights=constants.get("lights") or Lights(),
         mode=constants.get("mode", "exact"),
         renderer=constants.get("renderer"),

@@ -40,6 +40,8 @@ class Images(NamedTuple):
     depth: Optional[jax.Array]
     #: [views, height, width, 3], world space.
     normal: Optional[jax.Array]
+    #: [views, height, width, N], the features of the vertices.
+    features: Optional[jax.Array]
 
 
 class _Frames:
@@ -80,6 +82,7 @@ def _shapes(scene: _scene.Scene, arrays):
     kind = np.float64 if arrays[0].dtype == np.float64 else np.float32
     names = [name for name in _scene.IMAGES if name in scene.settings.outputs]
     channels = {"color": (3,), "normal": (3,)}
+    channels.update(features=(values["features"].shape[-1],) if "features" in values else ())
     return names, tuple(jax.ShapeDtypeStruct(sides + channels.get(name, ()), kind) for name in names)
 
 
@@ -144,6 +147,7 @@ def render(
     cameras: Union[Camera, Sequence[Camera]],
     *,
     colors: Optional[Arrays] = None,
+    features: Optional[Arrays] = None,
     surface: Optional[Arrays] = None,
     uvs: Optional[Arrays] = None,
     uv_faces=None,
@@ -163,7 +167,7 @@ def render(
     keywords `views`, `projections`, `sigma` and so on replace parts by arrays. A failure on the device raises JAX's own
     error with the library's text.
     """
-    given = {"positions": vertices, "colors": colors, "surface": surface, "uvs": uvs, "textures": textures}
+    given = {"positions": vertices, "colors": colors, "features": features, "surface": surface, "uvs": uvs, "textures": textures}
     given, arrays = jax.tree_util.tree_map(jnp.asarray, (given, arrays))
     constants = {"uv_faces": uv_faces, "texture_of_triangle": texture_of_triangle, "wrap": wrap}
     constants.update(settings=settings, lights=lights, mode=mode, renderer=renderer)

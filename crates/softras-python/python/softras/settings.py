@@ -35,7 +35,7 @@ class Settings:
     #: Nearest and farthest view depth in world units.
     near: float = 1.0
     far: float = 100.0
-    #: The images to render, of "color", "silhouette", "depth" and "normal".
+    #: The images to render, of "color", "silhouette", "depth", "normal" and, of meshes that have features, "features".
     outputs: Sequence[str] = ("color", "silhouette")
     #: Depth-weighted softmax, or the nearest triangle that covers the pixel's centre.
     color: Literal["softmax", "hard"] = "softmax"

@@ -1,6 +1,6 @@
 """Rendering within torch's autograd.
 
-`render` is a differentiable function of vertices, colours, texels, textures, UVs, view matrices, projections, lights,
+`render` is a differentiable function of vertices, colours, features, texels, textures, UVs, view matrices, projections, lights,
 background, sigma and gamma; `Rasterizer` is the same as a module. CPU tensors are read without a copy; CUDA tensors are copied
 to the host and back, since the renderer has a device of its own. Vertices in float64 are rendered by the reference device, the
 model in double precision on the host, which is slow and meant for `torch.autograd.gradcheck`. A graph may hold any number of
@@ -62,6 +62,8 @@ class Images(NamedTuple):
     depth: Optional[torch.Tensor]
     #: [views, height, width, 3], world space.
     normal: Optional[torch.Tensor]
+    #: [views, height, width, N], the features of the vertices.
+    features: Optional[torch.Tensor]
 
 
 class _Render(torch.autograd.Function):
@@ -132,6 +134,7 @@ def render(
     cameras: Union[Camera, Sequence[Camera]],
     *,
     colors: Optional[Tensors] = None,
+    features: Optional[Tensors] = None,
     surface: Optional[Tensors] = None,
     uvs: Optional[Tensors] = None,
     uv_faces=None,
@@ -151,6 +154,9 @@ def render(
     triangles and appearance are used. `colors` is [3] or [V, 3], `surface` [F, R², 3], `uvs` [U, 2] and `textures`
     [height, width, 3 or 4 with alpha] for one mesh; with one more dimension, or as a list, each mesh has its own.
 
+    `features` [V, N] are any numbers of the vertices, with one more dimension or as a list those of each mesh. The image `features`
+    [views, height, width, N] has the weights of colours, 0 for the background and no light: what a shader of your own starts from.
+
     A mesh may have several textures: then `textures` is a list of them for one mesh, and a list of such lists for B meshes,
     and the constant `texture_of_triangle` [F] says which of them each triangle shows. `uv_faces` [F, 3] are the UVs of the
     triangles' corners (the faces unless given); both may be lists with one for each mesh. `wrap` is "repeat" or "clamp", or a list with one for each texture. If
@@ -166,7 +172,7 @@ def render(
 
     `mode` is "exact" or "paper" (eq. 4 of the paper alone). Raises what `Renderer.render` raises.
     """
-    given = {"positions": vertices, "colors": colors, "surface": surface, "uvs": uvs, "textures": textures}
+    given = {"positions": vertices, "colors": colors, "features": features, "surface": surface, "uvs": uvs, "textures": textures}
     constants = {"uv_faces": uv_faces, "texture_of_triangle": texture_of_triangle, "wrap": wrap}
     constants.update(settings=settings, lights=lights, mode=mode, renderer=renderer)
     return _rendered(*_scene.build(given, tensors, faces, cameras, constants, torch.Tensor, host), _scene.Kept())

@@ -52,7 +52,7 @@ fn images_do_not_depend_on_each_other() {
         let scene = Scene::new(screen_mesh(&triangle_above(0.1, 2.0)));
         let light = DirectionalLight { direction: [0.0, 1.0, 1.0], color: [1.0, 0.5, 0.2], intensity: 0.8 };
         let scene = scene.with_lights(Lights { directional: vec![light], shading, ..Lights::official() });
-        let outputs = Outputs { color: true, silhouette: false, depth: false, normal: false };
+        let outputs = Outputs { color: true, ..Outputs::NOTHING };
         let alone = on_screen(&scene, &Settings { outputs, ..one_pixel() });
         assert_eq!(alone.color, on_screen(&scene, &one_pixel()).color, "{shading:?}");
         assert!(alone.color[0] > alone.color[1] && alone.color[1] > alone.color[2]);

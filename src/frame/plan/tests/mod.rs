@@ -22,7 +22,7 @@ const CAPACITY: Capacity = Capacity { coarse: 3200, list: 4096, cells: 160 };
 
 fn outputs(bits: u32) -> Outputs {
     let bit = |i: u32| bits >> i & 1 == 1;
-    Outputs { color: bit(0), silhouette: bit(1), depth: bit(2), normal: bit(3) }
+    Outputs { color: bit(0), silhouette: bit(1), depth: bit(2), normal: bit(3), features: bit(4) }
 }
 
 fn smooth() -> Lights {
@@ -36,6 +36,7 @@ fn input<'a>(settings: &'a Settings, views: &'a [ViewSize], lights: &'a Lights) 
         views,
         tables: TableLengths { meshes: 1, ..TableLengths::default() },
         lights,
+        features: 5,
         sampling: Sampling::default(),
         depth_span: INSIDE,
         distorted: false,
@@ -56,8 +57,8 @@ fn a_frame_takes_the_memory_of_the_formula() {
     let (views, b, t, p) = ([VIEW; 2], 2 * 16, 2 * 1024, 2 * 256 * 128);
     for case in 0..128u32 {
         let bit = |i: u32| case >> i & 1 == 1;
-        let settings = Settings { width: 256, height: 128, outputs: outputs(case % 16), ..Settings::default() };
-        let Outputs { color, silhouette, depth, normal } = settings.outputs;
+        let settings = Settings { width: 256, height: 128, outputs: outputs(case % 32), ..Settings::default() };
+        let Outputs { color, silhouette, depth, normal, features } = settings.outputs;
         let (lights, [clips, far, save]) = (if bit(4) { smooth() } else { Lights::unlit() }, [bit(4), bit(5), bit(6)]);
         let plan = ForwardPlan::new(&PlanInput {
             sampling: Sampling { surface: bit(5), image: bit(6), opacity: false },
@@ -68,21 +69,24 @@ fn a_frame_takes_the_memory_of_the_formula() {
         let plan = plan.unwrap();
         let sizes = plan.sizes;
         let (v, s) = (1600, if clips { 6400 } else { 3200 });
-        let shaded = color || depth || normal || far;
+        let shaded = color || depth || normal || features || far;
         let bits = [
             (color, c::OUTPUT_COLOR),
             (silhouette, c::OUTPUT_SILHOUETTE),
             (depth, c::OUTPUT_DEPTH),
             (normal, c::OUTPUT_NORMAL),
+            (features, c::OUTPUT_FEATURES),
         ];
         assert_eq!(plan.modes.outputs, bits.iter().map(|&(on, bit)| if on { bit } else { 0 }).sum::<u32>());
         assert_eq!((plan.sizes[BufferId::Shading] > 0, plan.modes.smooth == 1), (shaded, bit(4)));
-        let q = 4 + when(bit(5) || bit(6), 2) + when(normal, 3);
+        // Five features are two texels.
+        let q = 4 + when(bit(5) || bit(6), 2) + when(normal, 3) + when(features, 6);
         let records = 32 * v + when(bit(4), 32 * v) + 80 * s + if shaded { 16 * q * s } else { 16 * s };
         // Each view has half of the records.
         let lists = b * (s / 2) / 8 + 8 * b + 12 * 3200 + 3200 / 4 + 52 * t + 4 * 4096;
         let images =
             when(color, 16 * p) + when(silhouette && !color, 4 * p) + when(depth, 4 * p) + when(normal, 16 * p);
+        let images = images + when(features, 32 * p);
         let saved = when(save, 16 * p + 8 * t + 8 * s + 8 * 160);
         let few = 48 + 48;
         assert_eq!((sizes[BufferId::TileCounts], sizes[BufferId::Status]), (48, 48));
@@ -95,16 +99,17 @@ fn a_backward_pass_takes_the_memory_of_the_formula() {
     let views = [VIEW; 2];
     for case in 0..1024u32 {
         let bit = |i: u32| case >> i & 1 == 1;
-        let upstream = outputs(1 + case % 15);
-        let shaded = upstream.color || upstream.depth || upstream.normal;
+        let upstream = outputs(1 + case % 31);
+        let shaded = upstream.color || upstream.depth || upstream.normal || upstream.features;
         let background = if bit(4) { Background::Composite } else { Background::Weighted };
-        let all = outputs(15);
+        let all = outputs(31);
         let settings = Settings { width: 256, height: 128, outputs: all, background, ..Settings::default() };
         let lights = if bit(5) { smooth() } else { Lights::official() };
         let forward = ForwardPlan::new(&input(&settings, &views, &lights)).unwrap();
         let wanted = GradientRequest {
             positions: bit(6),
             colors: bit(7),
+            features: bit(4),
             texels: bit(8),
             uvs: bit(9),
             camera: bit(5),
@@ -130,6 +135,8 @@ fn a_backward_pass_takes_the_memory_of_the_formula() {
         let (items, outlined) = (s + 160, upstream.silhouette || (shaded && bit(4)));
         let by_color = upstream.color && (wanted.colors || wanted.lights || (wanted.positions && lit));
         let (by_uv, by_normal) = (upstream.color && wanted.uvs, upstream.normal && wanted.positions);
+        let by_features = upstream.features && wanted.features;
+        let vertices = wanted.positions || wanted.colors || wanted.features;
         let per_vertex = !(upstream.normal || bit(5) || (upstream.color && lit));
         let by_light = upstream.color && wanted.lights;
         let corners = wanted.camera
@@ -137,14 +144,17 @@ fn a_backward_pass_takes_the_memory_of_the_formula() {
             || by_uv
             || by_light
             || by_normal
-            || !per_vertex && (wanted.positions || by_color);
-        let q = 3 + when(by_color, 3) + when(by_uv, 2) + when(by_normal, 3);
-        let expected = 16 * p * (when(shaded, 1) + when(upstream.normal || (upstream.depth && upstream.color), 1))
+            || !per_vertex && (wanted.positions || by_color || by_features);
+        let corner = 3 + when(by_color, 3) + when(by_uv, 2) + when(by_features, 6);
+        let q = corner + when(by_normal, 3);
+        let second = upstream.normal || (upstream.depth && (upstream.color || upstream.features));
+        let expected = 16 * p * (when(shaded, 1) + when(second, 1) + when(upstream.features, 2))
             + when(outlined, 4 * p)
             + items * (16 * q + 4 + when(shaded, 16) + when(outlined, 16))
-            + when(corners || !per_vertex, 16 * s * (3 + when(by_color, 3) + when(by_uv, 2)))
+            + when(corners || !per_vertex, 16 * s * corner)
             + 4 * s
-            + when(wanted.positions || wanted.colors, 32 * 800)
+            + when(vertices, 32 * 800)
+            + when(by_features, 32 * 800)
             + when(wanted.background || wanted.scalars, 32 * p)
             + when(wanted.camera || wanted.scalars, 48 * s)
             + when(upstream.color && wanted.lights, 32 * if bit(5) { v } else { s })
@@ -153,12 +163,13 @@ fn a_backward_pass_takes_the_memory_of_the_formula() {
         let from_host = when(upstream.color, 16 * p)
             + when(upstream.silhouette && !upstream.color, 4 * p)
             + when(upstream.depth, 4 * p)
-            + when(upstream.normal, 16 * p);
+            + when(upstream.normal, 16 * p)
+            + when(upstream.features, 32 * p);
         // Arguments of indirect dispatches, and three texels for each view, the ambient and one other light, the pixels.
         let few = 96 + 48 * (2 + 2 + 1);
         let total: u64 = plan.sizes.iter().map(|(_, size)| size).sum();
         assert_eq!(total, expected + from_host + few, "case {case}: {upstream:?} {wanted:?}");
-        assert_eq!(u64::from(plan.corner_stride()), 3 + when(by_color, 3) + when(by_uv, 2));
+        assert_eq!(u64::from(plan.corner_stride()), corner);
         assert_eq!(plan.shades(), shaded);
         assert_eq!(plan.outlines(), outlined);
         assert_eq!(plan.has(c::GRADIENT_GEOMETRY), wanted.positions || wanted.camera);
@@ -175,7 +186,7 @@ fn a_backward_pass_takes_the_memory_of_the_formula() {
             backward_cull: groups(anything, [items_groups, 1, 1]),
             triangle_grad: groups(by_corners, forward.groups.triangle),
             vertex_normal_grad: groups(by_corners && bit(5), forward.groups.vertex),
-            vertex_grad: groups(wanted.positions || wanted.colors, [13, 1, 1]),
+            vertex_grad: groups(vertices, [13, 1, 1]),
             reduce_views: groups(wanted.camera || wanted.scalars, [2, 1, 1]),
             reduce_lights: groups(upstream.color && wanted.lights, [2, 1, 1]),
             reduce_pixels: groups(sums, [1, 1, 1]),

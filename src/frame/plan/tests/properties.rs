@@ -45,7 +45,7 @@ proptest! {
         width in 1u32..=Settings::MAX_SIZE, height in 1u32..=Settings::MAX_SIZE, outputs in 1u32..16, crosses in any::<bool>(),
     ) {
         let bit = |i: u32| outputs >> i & 1 == 1;
-        let outputs = Outputs { color: bit(0), silhouette: bit(1), depth: bit(2), normal: bit(3) };
+        let outputs = Outputs { color: bit(0), silhouette: bit(1), depth: bit(2), normal: bit(3), features: false };
         let settings = Settings { width, height, outputs, ..Settings::default() };
         let views: Vec<_> = sizes.iter().map(|&(vertices, triangles)| ViewSize { vertices, triangles }).collect();
         let most = views.iter().map(|v| v.triangles).max().unwrap();

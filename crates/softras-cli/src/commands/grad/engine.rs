@@ -42,7 +42,7 @@ impl Engine {
 
     /// Depth and silhouette of one view.
     pub fn depth(&mut self, scene: &Scene, camera: Camera, settings: &Settings) -> Result<Images> {
-        let outputs = Outputs { color: false, silhouette: true, depth: true, normal: false };
+        let outputs = Outputs { silhouette: true, depth: true, ..Outputs::NOTHING };
         let settings = Settings { outputs, save: false, ..settings.clone() };
         match self {
             Self::Reference => Ok(of_reference(softras_reference::render_culled(scene, &[camera], &settings)?)),
@@ -60,7 +60,7 @@ impl Engine {
         mode: GradientMode,
         loss: impl FnOnce(&Images) -> Result<ImageGradient, Error>,
     ) -> Result<(Images, Vec<f64>)> {
-        let outputs = Outputs { color: true, silhouette: true, depth: false, normal: false };
+        let outputs = Outputs { color: true, silhouette: true, ..Outputs::NOTHING };
         let settings = Settings { outputs, save: true, ..settings.clone() };
         match self {
             Self::Reference => {
