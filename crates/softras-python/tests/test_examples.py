@@ -104,6 +104,42 @@ def test_a_texture(tmp_path):
 
 
 @needs("torch")
+def test_deferred_shading(tmp_path):
+    output = example(tmp_path, "deferred.py", {"width=96, height=96": "width=48, height=48", "range(300)": "range(120)"})
+    for what, most in (("places", 0.6), ("albedo", 0.6), ("pictures", 0.15)):
+        first, last = numbers(output, rf"{what}: error (\S+) at first, (\S+) at last")
+        assert last < most * first, what
+    rows = tiles(tmp_path / "deferred.png", 4, 4)
+    assert np.abs(rows[0] - rows[2]).mean() < 0.3 * np.abs(rows[0] - rows[1]).mean()
+
+
+@needs("torch")
+def test_a_shader_has_the_gradients_of_what_it_draws():
+    """Those of vertices, albedo, light, lamp and roughness through features, in double precision."""
+    import torch
+
+    spec = importlib.util.spec_from_file_location("deferred", EXAMPLES / "deferred.py")
+    deferred = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(deferred)
+    mesh = softras.shapes.icosphere(0)
+    camera = softras.Camera.look_at((0, 0.5, 3), (0, 0, 0), fov_y=0.8)
+    settings = softras.Settings(width=6, height=6, sigma=1e-2, gamma=0.05, near=1.0, far=5.0, tau=1e-12, background="composite")
+    random = np.random.default_rng(7)
+
+    def leaf(array):
+        # Values that single precision holds.
+        return torch.tensor(np.asarray(array, np.float32), dtype=torch.float64).requires_grad_()
+
+    faces = torch.tensor(mesh.triangles.astype(np.int64))
+    given = [0.7 * mesh.positions, random.random((12, 3)), random.random((9, 3)), [1.0, 2.0, 3.0], 0.5]
+
+    def pictures(vertices, albedo, light, lamp, roughness):
+        return deferred.shaded(vertices, faces, [camera], albedo, light, lamp, roughness, settings)
+
+    assert torch.autograd.gradcheck(pictures, [leaf(one) for one in given], eps=1e-6, atol=1e-4, rtol=1e-3)
+
+
+@needs("torch")
 def test_a_camera(tmp_path):
     output = example(tmp_path, "camera.py", {"width=128, height=128": "width=64, height=64", **PICTURE})
     assert numbers(output, r"the eye is (\S+) from") < 0.08

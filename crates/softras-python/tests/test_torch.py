@@ -624,3 +624,29 @@ def test_losses_by_hand():
         st.sample_surface(torch.zeros(3, 3), faces[:1], 10)
     with pytest.raises(softras.errors.InputError, match="uniform"):
         st.laplacian_loss(square, faces, "cot")
+
+
+def test_losses_of_batches_and_means(ball):
+    """The numbers of PyTorch3D, whose definitions these are: a mean over pairs of faces, and one of lengths."""
+    vertices, faces = ball
+    pairs = 3 * len(faces) // 2
+    total = st.normal_consistency_loss(vertices, faces)
+    torch.testing.assert_close(st.normal_consistency_loss(vertices, faces, reduction="mean"), total / pairs)
+    edges = torch.cat([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    means = torch.zeros_like(vertices).index_add(0, edges[:, 0], vertices[edges[:, 1]])
+    counts = torch.zeros(len(vertices)).index_add(0, edges[:, 0], torch.ones(len(edges)))
+    lengths = (means / counts[:, None] - vertices).norm(dim=1)
+    torch.testing.assert_close(st.laplacian_loss(vertices, faces, reduction="mean"), lengths.mean())
+    with pytest.raises(softras.errors.InputError, match="use sum or mean"):
+        st.laplacian_loss(vertices, faces, reduction="max")
+
+    both = torch.stack([vertices, 2 * vertices])
+    points = st.sample_surface(both, faces, 500, torch.Generator().manual_seed(3))
+    assert points.shape == (2, 500, 3) and (points[1].norm(dim=1) > points[0].norm(dim=1).max()).all()
+    each = torch.stack([faces, faces.flip(0)])
+    assert st.sample_surface(both, each, 7).shape == (2, 7, 3)
+    target = torch.rand(2, 40, 3)
+    alone = [st.chamfer_distance(a, b) for a, b in zip(points, target)]
+    torch.testing.assert_close(st.chamfer_distance(points, target), (alone[0] + alone[1]) / 2)
+    with pytest.raises(softras.errors.InputError, match="give \\[B, N, 3\\]"):
+        st.chamfer_distance(points, target[0])

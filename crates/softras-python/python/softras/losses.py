@@ -1,8 +1,11 @@
-"""Losses of meshes for torch: vertices [V, 3], faces [F, 3]; `softras.torch` exports them."""
+"""Losses of meshes for torch: vertices [V, 3], faces [F, 3]; `softras.torch` exports them.
+
+With `reduction="mean"` a loss is normalised as that of PyTorch3D.
+"""
 
 from __future__ import annotations
 
-from typing import Literal, Optional
+from typing import Literal, Optional, Tuple
 
 import torch
 
@@ -11,11 +14,21 @@ from ._tensors import floats, host, indices
 from .errors import InputError
 
 
-def _edges(faces: torch.Tensor, device: torch.device) -> torch.Tensor:
-    """Every edge once, [E, 2], the lower vertex first."""
+def _counted_edges(faces: torch.Tensor, device: torch.device) -> Tuple[torch.Tensor, torch.Tensor]:
+    """Every edge once, [E, 2], the lower vertex first, and the number of its faces."""
     faces = indices(faces, device)
     pairs = torch.cat([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
-    return torch.unique(pairs.sort(1)[0], dim=0)
+    return torch.unique(pairs.sort(1)[0], dim=0, return_counts=True)
+
+
+def _edges(faces: torch.Tensor, device: torch.device) -> torch.Tensor:
+    return _counted_edges(faces, device)[0]
+
+
+def _is_mean(reduction: str) -> bool:
+    if reduction not in ("sum", "mean"):
+        raise InputError(f"reduction is {reduction!r}: use sum or mean")
+    return reduction == "mean"
 
 
 def edge_length_loss(vertices: torch.Tensor, faces: torch.Tensor, length: float = 0.0) -> torch.Tensor:
@@ -40,9 +53,16 @@ class _Regularizer(torch.autograd.Function):
         return upstream * ctx.saved_tensors[0], None, None
 
 
-def normal_consistency_loss(vertices: torch.Tensor, faces: torch.Tensor) -> torch.Tensor:
-    """Σ (1 - n·m) over edges and pairs of faces there, n and m their unit normals; that of `softras.deform`. Raises FitError."""
-    return _Regularizer.apply(vertices, faces, "normals")
+def normal_consistency_loss(
+    vertices: torch.Tensor, faces: torch.Tensor, reduction: Literal["sum", "mean"] = "sum"
+) -> torch.Tensor:
+    """Σ (1 - n·m) over edges and pairs of faces there, n and m their unit normals; that of `softras.deform`; or the mean over the pairs.
+    Raises FitError."""
+    total = _Regularizer.apply(vertices, faces, "normals")
+    if not _is_mean(reduction):
+        return total
+    _, count = _counted_edges(faces, vertices.device)
+    return total / (count * (count - 1) // 2).sum().clamp(min=1)
 
 
 def flatten_loss(vertices: torch.Tensor, faces: torch.Tensor) -> torch.Tensor:
@@ -67,11 +87,15 @@ def _cotangents(vertices: torch.Tensor, faces: torch.Tensor):
 
 
 def laplacian_loss(
-    vertices: torch.Tensor, faces: torch.Tensor, weights: Literal["uniform", "cotangent"] = "uniform"
+    vertices: torch.Tensor,
+    faces: torch.Tensor,
+    weights: Literal["uniform", "cotangent"] = "uniform",
+    reduction: Literal["sum", "mean"] = "sum",
 ) -> torch.Tensor:
-    """Σ |p - mean of its neighbours|² over the vertices of a mesh.
+    """Σ |p - mean of its neighbours|² over the vertices of a mesh; or, with `reduction="mean"`, the mean of these lengths without the
+    square.
 
-    The mean is the plain one as in the official code, or weighted by cotangents, of which those below 0 count as 0.
+    The mean of the neighbours is the plain one as in the official code, or weighted by cotangents, of which those below 0 count as 0.
     """
     if weights == "uniform":
         edges = _edges(faces, vertices.device)
@@ -85,13 +109,20 @@ def laplacian_loss(
     total = torch.zeros_like(vertices[:, 0]).index_add(0, vertex, shares)
     # Differences, since far from the origin sums of places are rounded. A vertex without neighbours has none.
     sums = torch.zeros_like(vertices).index_add(0, vertex, shares[:, None] * (vertices[neighbor] - vertices[vertex]))
-    return (sums / torch.where(total > 0, total, torch.ones_like(total))[:, None]).square().sum()
+    moves = sums / torch.where(total > 0, total, torch.ones_like(total))[:, None]
+    return moves.norm(dim=1).mean() if _is_mean(reduction) else moves.square().sum()
 
 
 def sample_surface(
     vertices: torch.Tensor, faces: torch.Tensor, count: int, generator: Optional[torch.Generator] = None
 ) -> torch.Tensor:
-    """Random points [count, 3] of a surface, evenly by area; a `generator` of the CPU makes them the same again."""
+    """Random points [count, 3] of a surface, evenly by area; a `generator` of the CPU makes them the same again.
+
+    Of vertices [B, V, 3] [B, count, 3]; their faces are [F, 3] for all or [B, F, 3].
+    """
+    if vertices.ndim == 3:
+        each = [faces] * len(vertices) if faces.ndim == 2 else faces
+        return torch.stack([sample_surface(one, of, count, generator) for one, of in zip(vertices, each)])
     a, b, c = floats(vertices, "vertices")[indices(faces, vertices.device)].unbind(1)
     b, c = b - a, c - a
     areas = torch.linalg.cross(b.double(), c.double()).norm(dim=1).detach().cpu()
@@ -105,7 +136,12 @@ def sample_surface(
 
 
 def chamfer_distance(a: torch.Tensor, b: torch.Tensor) -> torch.Tensor:
-    """The mean squared distance of points a [N, 3] to their nearest of b [M, 3], and that of b to a, in sum."""
+    """The mean squared distance of points a [N, 3] to their nearest of b [M, 3], and that of b to a, in sum; of batches [B, N, 3] and
+    [B, M, 3] the mean over the batch."""
+    if a.ndim == 3:
+        if b.ndim != 3 or len(a) != len(b):
+            raise InputError(f"points of shapes {tuple(a.shape)} and {tuple(b.shape)}: give [B, N, 3] and [B, M, 3]")
+        return torch.stack([chamfer_distance(*pair) for pair in zip(a, b)]).mean()
 
     def nearest(points, among):
         # Products of matrices cancel far from the origin.
