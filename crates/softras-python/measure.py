@@ -4,6 +4,7 @@
     python measure.py                # the ratios
     python measure.py --mesh X.obj   # with another mesh than the fish
     python measure.py --steps 10000  # resident memory in the course of as many steps
+    python measure.py --features 16  # what three features of as many cost, as a share of a frame with colour
 
 Needs torch, and the package built with --release; JAX is timed where it is installed. A step is a forward pass with colour and
 silhouette and a backward pass by the vertices, with the images as their own upstream gradients. All take turns of some steps
@@ -93,6 +94,27 @@ def ratios(shape):
             print(f"    {one} {found[4]:.2f} ms, ratios {found[4] / own[4]:.3f} and {found[0] / own[0]:.3f}", flush=True)
 
 
+def features(shape, count):
+    """The time of a step with features beside one without, by the vertices and the features."""
+    mesh, cameras, settings = scene(shape, 256, 1)
+    values = torch.rand(len(mesh.positions), count, requires_grad=True)
+    vertices = torch.tensor(mesh.positions, requires_grad=True)
+    times = {False: [], True: []}
+    for turn in range(TURNS + 1):
+        for has_features, found in times.items():
+            for _ in range(STEPS):
+                start = time.perf_counter()
+                images = st.render(vertices, mesh, cameras, settings=settings, features=values if has_features else None)
+                shown = [image for image in images if image is not None]
+                torch.autograd.backward(shown, [image.detach() for image in shown])
+                vertices.grad = values.grad = None
+                if turn > 0:
+                    found.append(1e3 * (time.perf_counter() - start))
+    without, with_them = (statistics.median(found) for found in times.values())
+    share = (with_them - without) / without / (count / 3)
+    print(f"256² × 1: {without:.2f} ms, with {count} features {with_them:.2f} ms: three cost {share:.2f} of a frame")
+
+
 def resident():
     """MiB of resident memory."""
     pages = int(pathlib.Path("/proc/self/statm").read_text().split()[1])
@@ -111,6 +133,12 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--mesh", help="a mesh file in place of the fish")
     parser.add_argument("--steps", type=int, help="watch the memory of so many steps")
+    parser.add_argument("--features", type=int, help="time so many features beside colour")
     args = parser.parse_args()
     shape = softras.load(args.mesh) if args.mesh else softras.shapes.fish()
-    memory(shape, args.steps) if args.steps else ratios(shape)
+    if args.steps:
+        memory(shape, args.steps)
+    elif args.features:
+        features(shape, args.features)
+    else:
+        ratios(shape)

@@ -36,7 +36,7 @@ mod _softras {
         measure::{blurred_mask, check, depths_of, iou, is_closed, mask_iou, regularizer, remesh, voxelize},
         mesh::{Mesh, load, shape},
         pose::pose,
-        reference::{reference_gradient, reference_render},
+        reference::{reference_gradient, reference_render, strongest},
         renderer::{Renderer, devices},
         solid::solid_voxels,
         steps::time_steps,

@@ -102,6 +102,22 @@ pub fn reference_render<'py>(
     Ok(images)
 }
 
+/// The strongest triangles of each pixel, [views, height, width, count] int32, -1 behind the last.
+#[pyfunction]
+pub fn strongest<'py>(
+    py: Python<'py>,
+    meshes: &Bound<'py, PyAny>,
+    cameras: &Bound<'py, PyAny>,
+    settings: Option<&Bound<'py, PyAny>>,
+    count: usize,
+) -> PyResult<Bound<'py, PyAny>> {
+    let Inputs { scene, cameras, settings } = Inputs::new(meshes, cameras, settings, None)?;
+    let found = py.detach(|| softras_reference::strongest(&scene, &cameras, &settings, count)).raise()?;
+    let numbers = found.into_iter().map(|triangle| triangle.map_or(-1, |triangle| triangle as i32)).collect();
+    let shape = [cameras.len(), settings.height as usize, settings.width as usize, count];
+    Ok(PyArray1::<i32>::from_vec(py, numbers).reshape(shape)?.into_any())
+}
+
 /// A flat array in some shape; `None` for an empty one.
 fn flat(py: Python<'_>, values: &[f64], shape: &[usize]) -> PyResult<Option<Py<PyAny>>> {
     if values.is_empty() {

@@ -195,7 +195,8 @@ fn softmax<R: Real>(knobs: &Knobs<'_, R>, fragments: &[Fragment<R>]) -> Shares<R
     Shares { fragments: terms.into_iter().map(|term| term / total).collect(), background: background / total }
 }
 
-fn score<R: Real>(knobs: &Knobs<'_, R>, fragment: &Fragment<R>) -> Option<R> {
+/// log D + ζ / γ, the logarithm of a fragment's weight without its opacity; `None` for one that no shaded image shows.
+pub fn score<R: Real>(knobs: &Knobs<'_, R>, fragment: &Fragment<R>) -> Option<R> {
     let point = fragment.surface.as_ref()?;
     let (near, far) = (knobs.settings.near, knobs.settings.far);
     let zeta = (-point.z).shift(far).scale(1.0 / (far - near));

@@ -34,11 +34,13 @@ mod parameters;
 mod project;
 mod real;
 mod setup;
+mod strongest;
 mod tape;
 mod texture;
 
 pub use count::{Pairs, pairs};
 pub use parameters::{Parameters, ReferenceGradients};
+pub use strongest::strongest;
 
 #[doc(no_inline)]
 pub use softras::GradientMode;

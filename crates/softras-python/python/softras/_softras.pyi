@@ -47,6 +47,7 @@ __all__ = [
     "save_pictures",
     "shape",
     "solid_voxels",
+    "strongest",
     "surface_cells",
     "time_steps",
     "view",
@@ -302,6 +303,12 @@ def fit(
 def pose(
     mesh: Mesh, camera: Camera, renderer: Renderer, plan: Mapping[str, object], progress: object
 ) -> Tuple[List[List[float]], List[float], List[float], float, int]: ...
+def strongest(
+    meshes: Union[Mesh, Sequence[Mesh]],
+    cameras: Union[Camera, Sequence[Camera]],
+    settings: Optional[Settings],
+    count: int,
+) -> npt.NDArray[np.int32]: ...
 def reference_render(
     meshes: Union[Mesh, Sequence[Mesh]],
     cameras: Union[Camera, Sequence[Camera]],

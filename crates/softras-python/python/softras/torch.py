@@ -16,10 +16,10 @@ import numpy as np
 import torch
 
 from . import _scene
-from ._tensors import host, indices, mask, plain
+from ._fragments import Fragments, antialias, fragments, interpolate
+from ._tensors import host, mask, plain
 from ._softras import Camera, Renderer
 from .errors import CameraError
-from .rendering import batched, default_renderer
 from .losses import (
     chamfer_distance,
     edge_length_loss,
@@ -36,6 +36,7 @@ __all__ = [
     "Fragments",
     "Images",
     "Rasterizer",
+    "antialias",
     "chamfer_distance",
     "edge_length_loss",
     "flatten_loss",
@@ -176,40 +177,6 @@ def render(
     constants = {"uv_faces": uv_faces, "texture_of_triangle": texture_of_triangle, "wrap": wrap}
     constants.update(settings=settings, lights=lights, mode=mode, renderer=renderer)
     return _rendered(*_scene.build(given, tensors, faces, cameras, constants, torch.Tensor, host), _scene.Kept())
-
-
-class Fragments(NamedTuple):
-    """The triangle at each pixel's centre; see `softras.Fragments`. Tensors without gradient, beside the vertices."""
-
-    triangle: torch.Tensor
-    barycentrics: torch.Tensor
-    depth: torch.Tensor
-
-
-def fragments(
-    vertices: Tensors,
-    faces,
-    cameras: Union[Camera, Sequence[Camera]],
-    *,
-    settings: Optional[Settings] = None,
-    renderer: Optional[Renderer] = None,
-) -> Fragments:
-    """The nearest triangle of each pixel; arguments as of `render`. Raises what `Renderer.render` raises."""
-    first = vertices if isinstance(vertices, torch.Tensor) else vertices[0]
-    constants = {"settings": settings, "renderer": renderer}
-    scene, flat = _scene.build({"positions": vertices}, {}, faces, cameras, constants, torch.Tensor, host)
-    meshes, seen = batched(scene.meshes([host(tensor) for tensor in flat]), scene.cameras)
-    found = (renderer or default_renderer()).fragments(meshes, seen, scene.settings)
-    return Fragments(*(torch.from_numpy(array).to(first.device) for array in found))
-
-
-def interpolate(found: Fragments, values: torch.Tensor, faces) -> torch.Tensor:
-    """Values [V, N] of the vertices at each pixel of fragments of faces [F, 3]: [views, height, width, N], 0 for no triangle.
-
-    With a gradient by the values; the fragments are constants.
-    """
-    corners = indices(faces, values.device)[found.triangle.clamp(min=0).long()]
-    return (found.barycentrics[..., None].to(values) * values[corners]).sum(-2)
 
 
 class Rasterizer(torch.nn.Module):
