@@ -30,6 +30,16 @@ ROWS = "glsl/common/item_pixels.glsl"
 # `cargo test --test quick`. With `unit ` before it, it is one of the library's unit tests, with `fit `, `io `, `check `, `cli `
 # or `view ` one of that package's tests. With `full ` it needs the full tier's sizes to see the fault, with `layers ` the validation layers.
 FAULTS = [
+    ("features before a composite background", "glsl/common/features.glsl", "float blend = COMPOSITE ? alpha_of(p, triangle_count) : 1.0;",
+     "float blend = 1.0;", ["gradient::features::three_features"]),
+    ("features that a walk forgets", WALK, "feature_sums[i][k] = uintBitsToFloat(", "feature_sums[i][k] = 0.0 * uintBitsToFloat(",
+     ["gradient::features::features_do_not_depend"]),
+    ("features at the near plane", "glsl/triangle_grad.comp", "dot(by_features, to - from)", "dot(by_features, from - to)",
+     ["gradient::features::any_number"]),
+    ("features of a dropped fragment", "glsl/common/feature_gradient.glsl", "bvec4(g.received)", "bvec4(true)",
+     ["gradient::features::any_number"]),
+    ("a gradient at the near plane without its colours", "src/frame/plan/backward.rs", "let cut = (w.positions || w.camera) &&",
+     "let cut = false &&", ["gradient::agreement::each_gradient_alone"]),
     ("fronts that are hidden", "crates/softras-view/src/facing.rs", "*single && !fronts[*t]", "*single && fronts[*t]",
      ["view facing::tests::single"]),
     ("normals away from the viewer", "crates/softras-view/src/facing.rs", "lean(front, triangle) < -LEAN", "lean(front, triangle) < -9.0",
@@ -117,8 +127,8 @@ FAULTS = [
     ("weights beyond a float's integers in the soft kernel", "src/frame/plan/modes.rs",
      "const LARGEST_SOFT_WEIGHT: f64 = 4_194_304.0;", "const LARGEST_SOFT_WEIGHT: f64 = 1e30;",
      ["render::forward::log_weights"]),
-    ("colours summed in the weights' unit", SOFT, "const float COLOR_UNIT = 1048576.0;",
-     "const float COLOR_UNIT = WEIGHT_UNIT;", ["check found::the_brightest"]),
+    ("colours summed in the weights' unit", SOFT, "const float FEATURE_UNIT = 1048576.0;",
+     "const float FEATURE_UNIT = 1152921504606846976.0;", ["check found::the_brightest"]),
     ("stale bits of the frame before", "src/frame/passes/forward.rs", "    clear(recorder, bin_bits, plan.sizes[BufferId::BinBits])?;\n",
      "    let _ = bin_bits;\n", ["embed::ash_example::images_are_the_simple_apis"]),
     ("half of a sum's lanes lost", "glsl/reduce.comp", "for (int width = LANES / 2;", "for (int width = LANES / 4;",

@@ -114,6 +114,17 @@ def test_deferred_shading(tmp_path):
 
 
 @needs("torch")
+@pytest.mark.parametrize("arguments, most", [((), 0.02), (("--hard", "--steps", "400"), 0.1)], ids=["soft", "hard"])
+def test_a_cube_of_few_pixels(tmp_path, arguments, most):
+    steps = () if "--steps" in arguments else ("--steps", "500")
+    output = example(tmp_path, "cube.py", {"step % 250": "step % 100"}, *arguments, *steps)
+    errors = [float(error) for error in re.findall(r"vertices are (\S+) off", output)]
+    assert errors[-1] < most < errors[0]
+    ((_, start, found, true),) = tiles(tmp_path / "cube.png", 1, 4)
+    assert np.abs(found - true).mean() < 0.2 * np.abs(start - true).mean()
+
+
+@needs("torch")
 def test_a_shader_has_the_gradients_of_what_it_draws():
     """Those of vertices, albedo, light, lamp and roughness through features, in double precision."""
     import torch
