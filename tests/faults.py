@@ -36,8 +36,6 @@ FAULTS = [
      ["gradient::features::features_do_not_depend"]),
     ("features at the near plane", "glsl/triangle_grad.comp", "dot(by_features, to - from)", "dot(by_features, from - to)",
      ["gradient::features::any_number"]),
-    ("features of a dropped fragment", "glsl/common/feature_gradient.glsl", "bvec4(g.received)", "bvec4(true)",
-     ["gradient::features::any_number"]),
     ("a gradient at the near plane without its colours", "src/frame/plan/backward.rs", "let cut = (w.positions || w.camera) &&",
      "let cut = false &&", ["gradient::agreement::each_gradient_alone"]),
     ("fronts that are hidden", "crates/softras-view/src/facing.rs", "*single && !fronts[*t]", "*single && fronts[*t]",

@@ -2,16 +2,18 @@
 
 mod commands;
 
-use clap::{CommandFactory, Parser, error::ErrorKind};
+use clap::error::{ContextKind, ContextValue, ErrorKind};
+use clap::{CommandFactory, Parser};
 use commands::{Cli, Failure};
 use softras_io::text;
 use std::io::Write;
+use std::path::Path;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
     let outcome = match Cli::try_parse() {
         Ok(cli) => commands::run(&cli),
-        Err(error) if error.use_stderr() => error.exit(),
+        Err(error) if error.use_stderr() => with_option(error).exit(),
         // The help or the version.
         Err(wanted) => wanted.print().and_then(|()| std::io::stdout().flush()).map_err(Failure::of_output),
     };
@@ -34,6 +36,23 @@ fn main() -> ExitCode {
         // The reader of our output has gone, as `head` does when it has seen enough.
         Err(Failure::Closed) => ExitCode::SUCCESS,
     }
+}
+
+/// Adds the option that a folder or file stands for to the error of a fit that is given it without one.
+fn with_option(mut error: clap::Error) -> clap::Error {
+    let is_fit = std::env::args_os().skip(1).any(|word| word == "fit");
+    let given = match error.get(ContextKind::InvalidArg) {
+        Some(ContextValue::String(given)) if is_fit && error.kind() == ErrorKind::UnknownArgument => given.clone(),
+        _ => return error,
+    };
+    let path = Path::new(&given);
+    let option =
+        if path.is_dir() || path.extension().is_some_and(|ending| ending == "npy") { "--views" } else { "--from" };
+    if path.exists() {
+        let tip = format!("name it with an option: {option} {given}");
+        error.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![tip.into()]));
+    }
+    error
 }
 
 fn fail(why: &str) -> ExitCode {

@@ -50,6 +50,7 @@ fn senseless_arguments_exit_with_2_and_are_named() {
         ("fit --from a.obj -o a.png", &["a.png", "ends in .obj"]),
         ("fit --from a.obj -o o.obj --views-per-step 0", &["--views-per-step"]),
         ("fit -o x.obj", &["give --views or --from", "a folder or a .npy file"]),
+        ("fit . -o x.obj", &["unexpected argument '.'", "tip: name it with an option: --views ."]),
         ("-q fit --from a.obj --views many -o out.obj", &["--views", "Usage: softras fit"]),
     ];
     for (line, parts) in cases {
