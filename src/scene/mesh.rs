@@ -228,7 +228,7 @@ impl Mesh {
     }
 
     /// Gives each vertex `channels` features, which are interpolated, weighted and summed as vertex colours are, and are not
-    /// lit: [`Outputs::features`](crate::Outputs::features) renders them. `features` has those of vertex 0, then those of
+    /// lit: [`Outputs::features`](crate::scene::Outputs::features) renders them. `features` has those of vertex 0, then those of
     /// vertex 1, and so on. With no channel the mesh has none.
     ///
     /// # Errors
