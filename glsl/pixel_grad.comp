@@ -80,7 +80,7 @@ Upstream upstream_of(int at) {
     return Upstream(up_color.rgb, up_alpha, up_depth, up_normal);
 }
 
-// V = Σ_j w_j v_j with v_j = dL/dI · C_j + dL/ddepth z_j + dL/dnormal · n_j, and as for colour with features, so that eq. 4 reads ∂L/∂s_j = w_j (v_j - V).
+// V = Σ_j w_j v_j with v_j = dL/dI · C_j + dL/ddepth z_j + dL/dnormal · n_j + dL/dfeatures · f_j, so that eq. 4 reads ∂L/∂s_j = w_j (v_j - V).
 // The composite background has I = A Σ w C + (1 - A) C_b. There the product rule adds a term to dL/dA, and V and all v_j gain
 // the factor A, which is returned in `mixing`.
 float shaded_gradient(int at, int view, float aggregate, vec3 background, inout Upstream up, out float mixing) {

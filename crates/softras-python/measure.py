@@ -4,7 +4,7 @@
     python measure.py                # the ratios
     python measure.py --mesh X.obj   # with another mesh than the fish
     python measure.py --steps 10000  # resident memory in the course of as many steps
-    python measure.py --features 16  # what three features of as many cost, as a share of a frame with colour
+    python measure.py --features 16  # what three of 16 features cost, as a share of a frame with colour
 
 Needs torch, and the package built with --release; JAX is timed where it is installed. A step is a forward pass with colour and
 silhouette and a backward pass by the vertices, with the images as their own upstream gradients. All take turns of some steps
@@ -133,7 +133,7 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--mesh", help="a mesh file in place of the fish")
     parser.add_argument("--steps", type=int, help="watch the memory of so many steps")
-    parser.add_argument("--features", type=int, help="time so many features beside colour")
+    parser.add_argument("--features", type=int, help="time this number of features beside colour")
     args = parser.parse_args()
     shape = softras.load(args.mesh) if args.mesh else softras.shapes.fish()
     if args.steps:

@@ -51,7 +51,7 @@ const bool LEAST_APART = uint(OPACITY) * uint(SILHOUETTE_MODE == SILHOUETTE_PROD
 // Whether the tile lists have front faces before back faces, which front faces mostly hide. The hard mode has one order for
 // all, because the first of equally near triangles wins.
 const bool PARTED = uint(SHADED) * uint(COLOR_MODE == COLOR_SOFTMAX) != 0u;
-// The same as a signed number, the end of loops.
+// FEATURE_TEXELS as a signed number, for loops.
 const int FEATURES = int(FEATURE_TEXELS);
 // The length of an array of one vertex's features, which must not be 0.
 const int FEATURE_ROOM = FEATURES + int(FEATURES == 0);

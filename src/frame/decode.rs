@@ -115,7 +115,7 @@ impl Decoder<'_> {
                 let own = rows.skip(layout.vertex as usize).take(layout.vertices as usize);
                 mesh.features = own.flat_map(|row| &row[..channels]).copied().collect();
             } else if wanted.features {
-                mesh.features = vec![0.0; (shape.features * layout.vertices) as usize];
+                mesh.features = vec![0.0; shape.features as usize * layout.vertices as usize];
             }
             if wanted.texels {
                 self.add_texels(layout, shape, &mut images, floats, &mut mesh)?;

@@ -49,8 +49,8 @@ pub struct Differentiate {
     pub wanted: GradientRequest,
     /// An upper bound of |dL/dcolour| over all channels and pixels. Only [`GradientRequest::texels`] uses it: its sums are in fixed
     /// point, so that a sum beyond the bound wraps around, and one far below it loses precision. Where textures have an
-    /// alpha it also bounds |dL/dsilhouette|, |dL/dnormal|, |dL/ddepth| times the far plane, and |dL/dcolour| times the
-    /// largest texel and background.
+    /// alpha it also bounds |dL/dsilhouette|, |dL/dnormal|, |dL/ddepth| times the far plane, |dL/dcolour| times the
+    /// largest texel and background, and Σ |dL/df| times the largest feature f.
     pub largest_upstream: f64,
 }
 
@@ -136,19 +136,22 @@ fn validate(shape: &FrameShape) -> Result<()> {
     let features = vertices * u64::from(shape.features().div_ceil(4));
     let most = [3 * vertices, features, 3 * triangles, 2 * uvs, texels, vertices + 3 * triangles + meshes as u64];
     if most.iter().any(|&count| count > i32::MAX as u64) {
-        let what = format!("{vertices} vertices, {triangles} triangles, {uvs} UV pairs and {texels} texels");
-        return fail(what, "render fewer meshes or smaller textures at once: kernels index with 32 bits");
+        let what = format!(
+            "{vertices} vertices, {triangles} triangles, {uvs} UV pairs, {texels} texels and {features} fours of features"
+        );
+        let fix = "render fewer meshes or features or smaller textures at once: kernels index with 32 bits";
+        return fail(what, fix);
     }
     validate_cutoff(shape.cutoff)?;
     shape.lights.validate()
 }
 
-/// Validates that an image of features is asked for of meshes that have the same number of them only.
+/// Validates that all meshes have the same number of features, at least one, where an image of them is asked for.
 fn validate_features(shape: &FrameShape, settings: &Settings) -> Result<()> {
     let channels = shape.features();
     if settings.outputs.features && shape.meshes.iter().any(|mesh| mesh.features == 0 || mesh.features != channels) {
         let found: Vec<_> = shape.meshes.iter().map(|mesh| mesh.features.to_string()).collect();
-        let what = format!("an image of features, and meshes with {} of them at a vertex", found.join(", "));
+        let what = format!("features are asked for, but the meshes have {} at a vertex", found.join(", "));
         let fix = "give every mesh the same number with Mesh::with_features, or do not ask for Outputs::features";
         return Err(Error::Scene { what, fix: fix.into() });
     }

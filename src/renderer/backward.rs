@@ -99,7 +99,10 @@ impl Slot {
                 let texels = self.inputs.tables.texels.iter().flatten().map(|x| f64::from(x.abs()));
                 let brightest = settings.background_color.iter().map(|x| x.abs()).chain(texels).fold(1.0, f64::max);
                 let shaded = (of(&upstream.color) * brightest).max(of(&upstream.depth) * settings.far);
-                shaded.max(of(&upstream.silhouette)).max(of(&upstream.normal)).max(of(&upstream.features))
+                let features = self.inputs.tables.features.iter().flatten().map(|x| f64::from(x.abs()));
+                let channels = upstream.features.as_ref().map_or(0, |features| features.channels) as f64;
+                let features = of(&upstream.features) * channels * features.fold(0.0, f64::max);
+                shaded.max(of(&upstream.silhouette)).max(of(&upstream.normal)).max(features)
             } else {
                 upstream.color.as_ref().map_or(0.0, largest)
             },

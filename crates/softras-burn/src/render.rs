@@ -48,6 +48,8 @@ pub struct Images {
     pub depth: Option<Tensor<3>>,
     /// `[views, height, width, 3]`.
     pub normal: Option<Tensor<4>>,
+    /// `[views, height, width, channels]`. The meshes' features are constants.
+    pub features: Option<Tensor<4>>,
 }
 
 /// How many rows of an input the views have.
@@ -174,8 +176,10 @@ fn moved(cameras: &[Camera], twists: Option<&[[f64; 6]]>) -> Result<Vec<Camera>>
 
 /// Takes the images of a frame apart, which are packed in the order of the settings' fields.
 fn unpacked(packed: Tensor<4>, outputs: Outputs) -> Images {
-    let [views, height, width, _] = packed.dims();
+    let [views, height, width, all] = packed.dims();
     let channels = [(outputs.color, 3), (outputs.silhouette, 1), (outputs.depth, 1), (outputs.normal, 3)];
+    let others: usize = channels.iter().filter(|(rendered, _)| *rendered).map(|(_, channels)| channels).sum();
+    let features = outputs.features.then(|| packed.clone().narrow(3, others, all - others));
     let mut from = 0;
     let [color, silhouette, depth, normal] = channels.map(|(rendered, channels)| {
         rendered.then(|| {
@@ -184,5 +188,5 @@ fn unpacked(packed: Tensor<4>, outputs: Outputs) -> Images {
         })
     });
     let flat = |image: Tensor<4>| image.reshape([views, height, width]);
-    Images { color, silhouette: silhouette.map(flat), depth: depth.map(flat), normal }
+    Images { color, silhouette: silhouette.map(flat), depth: depth.map(flat), normal, features }
 }

@@ -101,7 +101,7 @@ impl Rendered {
         let frame = &self.frame;
         let (color, silhouette) = (next(frame.color()), next(frame.silhouette()));
         let (depth, normal) = (next(frame.depth()), next(frame.normal()));
-        ImageGradient { color, silhouette, depth, normal, features: None }
+        ImageGradient { color, silhouette, depth, normal, features: next(frame.features()) }
     }
 
     /// The gradients by the wanted inputs, from the one by the packed images. After an error, which is kept, they are NaN.

@@ -38,7 +38,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// Adds the option that a folder or file stands for to the error of a fit that is given it without one.
+/// If `fit` is given a path without an option, adds a tip that names the option.
 fn with_option(mut error: clap::Error) -> clap::Error {
     let is_fit = std::env::args_os().skip(1).any(|word| word == "fit");
     let given = match error.get(ContextKind::InvalidArg) {

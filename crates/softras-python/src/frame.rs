@@ -96,7 +96,11 @@ impl Frame {
             let text = "backward: the frame was rendered for looking at only: render it with save=True";
             return Err(exception("BackwardError", text));
         }
-        let given = self.frame.features().map_or(1, |features| features.channels);
+        let given = self.frame.features().map_or(0, |features| features.channels);
+        if given == 0 && upstream.is_some_and(|upstream| upstream.contains("features").unwrap_or(false)) {
+            let text = "backward: the frame has no features image: ask for it in Settings.outputs";
+            return Err(exception("BackwardError", text));
+        }
         let [color, silhouette, depth, normal, features] = gradients::upstream(upstream, |value, name, channels| {
             image(value, name, channels.unwrap_or(given), "number")
         })?;

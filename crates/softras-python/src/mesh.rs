@@ -303,8 +303,8 @@ impl Mesh {
         (shape[1] > 0).then(flat).transpose()
     }
 
-    /// This mesh with features [V, N], up to 32 for each vertex, which the output "features" renders as colours are, but
-    /// without light; None for no features. Raises MeshError.
+    /// This mesh with features [V, N], up to 32 for each vertex and from -1e12 to 1e12, which the output "features" renders as
+    /// colours are, but without light; None for no features. Raises MeshError, InputError.
     fn with_features(&self, features: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
         let (channels, values) = match features {
             Some(given) => {

@@ -107,8 +107,9 @@ def test_batches_and_mistakes(bumpy, cameras, soft):
         alone = st.fragments(both[i], faces, cameras[i], k=3, settings=soft)
         for whole, part in zip(found, alone):
             assert torch.equal(whole[i], part[0])
-    with pytest.raises(softras.errors.InputError, match="ask for 1 or more"):
-        st.fragments(vertices, faces, cameras, k=0)
+    for wrong in (0, 10**9):
+        with pytest.raises(softras.errors.InputError, match="ask for 1 to 1024"):
+            st.fragments(vertices, faces, cameras, k=wrong)
     with pytest.raises(softras.errors.InputError, match="euclidean"):
         st.fragments(vertices, faces, cameras, k=2, settings=dataclasses.replace(soft, distance="hard"))
     with pytest.raises(softras.errors.InputError, match="ask for k"):
@@ -118,6 +119,18 @@ def test_batches_and_mistakes(bumpy, cameras, soft):
         st.fragments(vertices, faces, official, k=2, settings=soft)
     nothing = st.fragments(vertices + 100, faces, cameras, k=2, settings=soft)
     assert (nothing.triangle == -1).all() and (nothing.weight == 0).all()
+    # A first triangle without area, and no triangle at all.
+    for broken in (torch.cat([torch.zeros(1, 3, dtype=torch.int64), faces]), faces[:0]):
+        for k in (None, 2):
+            moved = vertices.clone().requires_grad_()
+            found = st.fragments(moved, broken, cameras, k=k, settings=soft)
+            drawn = st.interpolate(found, vertices, broken)
+            if k is None:
+                drawn = st.antialias(drawn, found, moved, broken, cameras, soft)
+            (drawn.sum() + found.depth.sum()).backward()
+            assert drawn.isfinite().all() and moved.grad.isfinite().all()
+    with pytest.raises(softras.errors.InputError, match="antialias: give one mesh"):
+        st.antialias(drawn[..., 0], found, moved, faces, cameras, soft)
 
 
 def test_an_outline_is_blended_and_has_the_gradient_of_its_place():

@@ -384,7 +384,7 @@ def test_a_mesh_may_have_features(bumpy, cameras, settings):
     one = softras.render(mesh.with_features(given[:, 3:]), cameras, settings).features
     np.testing.assert_array_equal(one, frame.features[..., 3:])
     assert bumpy.features is None and mesh.with_features(None).features is None
-    with pytest.raises(errors.SceneError, match="with 0 of them"):
+    with pytest.raises(errors.SceneError, match="the meshes have 0 at"):
         softras.render(bumpy, cameras, settings)
     with pytest.raises(errors.MeshError, match="40 features"):
         bumpy.with_features(np.ones((len(given), 40)))

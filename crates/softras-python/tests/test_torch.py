@@ -142,6 +142,33 @@ def test_features_are_colours_of_any_number(bumpy, ball, cameras, settings):
         st.render(places, faces, cameras[:1], features=stacked[0, 1:], settings=settings)
 
 
+def test_features_of_a_template_and_mistakes(bumpy, cameras, settings):
+    """Both devices take a template's features, and refuse the same arrays."""
+    settings = dataclasses.replace(settings, width=10, height=8, outputs="features")
+    values = 1000 * np.random.default_rng(2).random((len(bumpy.positions), 4), np.float32)
+    mesh = bumpy.with_features(values)
+    images = [st.render(leaf(bumpy.positions, kind), mesh, cameras, settings=settings) for kind in (torch.float32, torch.float64)]
+    assert images[0].color is None and images[0].features.shape == (2, 8, 10, 4)
+    torch.testing.assert_close(images[0].features.double(), images[1].features, rtol=1e-3, atol=1e-2)
+    wide = torch.tensor(values).repeat(1, 10)
+    whole = st.render(leaf(bumpy.positions), bumpy, cameras, features=wide, settings=settings).features
+    assert torch.equal(whole[..., :4], images[0].features)
+    for kind in (torch.float32, torch.float64):
+        for wrong in (torch.rand(5), torch.rand(len(values), 0), None):
+            with pytest.raises(softras.errors.InputError, match="features are asked for"):
+                st.render(leaf(bumpy.positions, kind), bumpy.triangles, cameras, features=wrong, settings=settings)
+    # Colours have no part in this loss, and textures neither.
+    square = softras.Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]], textures=np.ones((2, 2, 3)), uvs=[[0, 0], [1, 0], [0, 1]])
+    uvs = leaf(square.uvs, torch.float64)
+    features = leaf(np.ones((3, 2)), torch.float64)
+    drawn = st.render(leaf(square.positions, torch.float64), square, cameras[0], uvs=uvs, features=features, settings=settings)
+    drawn.features.sum().backward()
+    assert (uvs.grad is None or not uvs.grad.any()) and features.grad.abs().sum() > 0
+    frame = softras.render(bumpy, cameras, save=True)
+    with pytest.raises(softras.errors.BackwardError, match="no features image"):
+        frame.backward(features=np.ones((2, 8, 10, 4)))
+
+
 def test_views_and_projections_have_gradients(bumpy, settings):
     twist, eye = torch.full((2, 6), 0.05, dtype=torch.float64), torch.tensor([[0.5, 1.0, 3.2], [2.0, 1.0, -2.4]])
     target, up = torch.zeros(3), torch.tensor([0.0, 1.0, 0.0])
@@ -650,3 +677,5 @@ def test_losses_of_batches_and_means(ball):
     torch.testing.assert_close(st.chamfer_distance(points, target), (alone[0] + alone[1]) / 2)
     with pytest.raises(softras.errors.InputError, match="give \\[B, N, 3\\]"):
         st.chamfer_distance(points, target[0])
+    with pytest.raises(softras.errors.InputError, match="faces of 1 meshes"):
+        st.sample_surface(both, each[:1], 7)

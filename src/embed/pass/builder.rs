@@ -208,8 +208,8 @@ impl PassBuilder {
 
     /// An upper bound of |dL/dcolour| over all channels and pixels, for [`GradientRequest::texels`]; the default is 1. Their sums
     /// are in fixed point: a sum beyond the bound wraps around, and one far below it loses precision. Where textures have an
-    /// alpha it also bounds |dL/dsilhouette|, |dL/dnormal|, |dL/ddepth| times the far plane, and |dL/dcolour| times the largest
-    /// texel and background.
+    /// alpha it also bounds |dL/dsilhouette|, |dL/dnormal|, |dL/ddepth| times the far plane, |dL/dcolour| times the largest
+    /// texel and background, and Σ |dL/df| times the largest feature f.
     pub fn largest_upstream(mut self, bound: f64) -> Self {
         self.largest_upstream = bound;
         self
@@ -389,8 +389,8 @@ fn widest(planes: [f64; 2], more: [f64; 2]) -> [f64; 2] {
 
 /// The support that the settings promise, whatever the depths between near and far.
 pub(crate) fn cutoff_of(settings: &Settings) -> f64 {
-    let Outputs { color, depth, normal, .. } = settings.outputs;
-    if settings.support == Support::Probability || !(color || depth || normal) {
+    let Outputs { color, depth, normal, features, .. } = settings.outputs;
+    if settings.support == Support::Probability || !(color || depth || normal || features) {
         return settings.cutoff();
     }
     let (spread, tau) = match settings.background {

@@ -274,13 +274,16 @@ fn ranges_of(input: &PlanInput, frame: &FramePush) -> Result<(Vec<ViewRange>, To
         let (what, fix) = (what.to_owned(), fix.to_owned());
         Err(Error::Limit { what, needed, unit: "elements", limit_name: "32-bit index", limit, fix })
     };
+    // As are those of `partials`, of which cells beyond the first have entries too.
+    let cells = if input.save && features > 0 { u64::from(input.capacity.cells) } else { 0 };
     index(
         "the triangle records of all views",
-        (9 + 3 * features) * t.records,
+        (9 + 3 * features) * t.records + (11 + 3 * features) * cells,
         "render fewer views or triangles in one frame",
     )?;
     index("the vertices of all views", 3 * t.vertices, "render fewer views in one frame")?;
-    index("the images of all views", features.max(1) * t.pixels, "render fewer views in one frame, or smaller images")?;
+    let pixel = if features > 0 { 2 + features } else { 1 };
+    index("the images of all views", pixel * t.pixels, "render fewer views in one frame, or smaller images")?;
     index("the bins' bitmaps", t.words, "render fewer views in one frame, or smaller images")?;
     let triangles = input.views.iter().map(|v| u64::from(v.triangles)).max().unwrap_or(0);
     if triangles > MOST_TRIANGLES {

@@ -232,8 +232,8 @@ fn wrong_features_are_refused() {
     let settings = Settings { outputs, ..small(8, 8) };
     let two = || cube().with_features(2, vec![0.5; 16]).unwrap();
     let mut refused = |meshes: Vec<Mesh>| renderer.render(&Scene::batch(meshes), cameras, &settings).unwrap_err();
-    assert!(refused(vec![cube()]).to_string().contains("with 0 of them"));
-    assert!(refused(vec![two(), cube()]).to_string().contains("with 2, 0 of them"));
+    assert!(refused(vec![cube()]).to_string().contains("the meshes have 0 at"));
+    assert!(refused(vec![two(), cube()]).to_string().contains("the meshes have 2, 0 at"));
     let frame = renderer.render_saved(&Scene::new(two()), cameras, &settings).unwrap();
     let Image { batch, height, width, .. } = *frame.features().unwrap();
     let wrong = Image { batch, height, width, channels: 3, data: vec![0.0; batch * height * width * 3] };

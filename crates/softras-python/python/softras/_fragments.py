@@ -20,13 +20,17 @@ from .settings import Settings
 Tensors = Union[torch.Tensor, Sequence[torch.Tensor]]
 
 
+#: The most fragments of a pixel.
+_MOST = 1024
+
+
 class Fragments(NamedTuple):
     """The triangle at each pixel's centre, [views, height, width], or with `k` the strongest near it, [views, height, width, k], of
     which the first counts most. The names of PyTorch3D are properties; there a value is -1 where there is no triangle."""
 
     #: int32, the triangle's number in its mesh, -1 where there is none.
     triangle: torch.Tensor
-    #: [..., 3], the weights of its corners at the point that is seen, also under perspective; with `k` as `Settings.interpolation` says.
+    #: [..., 3], the weights of its corners at the point that is seen: correct in perspective, or with `k` as `Settings.interpolation` says.
     barycentrics: torch.Tensor
     #: The point's view depth in world units, 0 where there is none.
     depth: torch.Tensor
@@ -128,8 +132,10 @@ def _near_centres(seen: _Seen, corners: torch.Tensor, found: torch.Tensor, setti
     w = torch.where(found[..., None], places[..., 2], torch.ones_like(z))
     q = torch.stack([places[..., 0] / w - x[..., None, None], places[..., 1] / w - y[..., None, None]], -1)
     shares = torch.stack([_cross(q[..., (k + 1) % 3, :], q[..., (k + 2) % 3, :]) for k in range(3)], -1)
-    b = shares / _safe(shares.sum(-1, keepdim=True))
-    inside = (b >= 0).all(-1)
+    total = shares.sum(-1, keepdim=True)
+    b = shares / _safe(total)
+    # A triangle without area has no inside.
+    inside = (b >= 0).all(-1) & (total[..., 0] != 0)
     # The nearest point of each edge, (1 - t) of its first corner and t of its second.
     edges = q.roll(-1, -2) - q
     t = (-(q * edges).sum(-1) / _safe((edges * edges).sum(-1))).clamp(0, 1)
@@ -140,8 +146,9 @@ def _near_centres(seen: _Seen, corners: torch.Tensor, found: torch.Tensor, setti
     nearest = (1 - along) * on_edge + along * on_edge.roll(1, -1)
     if settings.surface_point == "clip" or settings.parity == "official":
         clipped = b.clamp(0, 1)
-        nearest = clipped / _safe(clipped.sum(-1, keepdim=True))
+        nearest = torch.where(total == 0, nearest, clipped / _safe(clipped.sum(-1, keepdim=True)))
     b = torch.where(inside[..., None], b, nearest)
+    b = torch.where(found[..., None], b, torch.full_like(b, 1 / 3))
     depth = 1 / (b / z).sum(-1)
     if settings.interpolation == "perspective":
         b = b * depth[..., None] / z
@@ -172,8 +179,10 @@ def fragments(
     `Renderer.render` raises, and InputError for official cameras and for distances other than "euclidean" with `k`.
     """
     settings = settings or Settings()
-    if k is not None and (k < 1 or settings.distance != "euclidean"):
-        raise InputError(f"{k} fragments with the distance {settings.distance!r}: ask for 1 or more, with \"euclidean\"")
+    if k is not None and not 1 <= k <= _MOST:
+        raise InputError(f"{k} fragments of a pixel: ask for 1 to {_MOST}")
+    if k is not None and settings.distance != "euclidean":
+        raise InputError(f"fragments with the distance {settings.distance!r} have none: use \"euclidean\"")
     scene, flat = _scene.build({"positions": vertices}, {}, faces, cameras, {"settings": settings}, torch.Tensor, host)
     own = scene.meshes([host(tensor) for tensor in flat])
     meshes, seen = batched(own, scene.cameras)
@@ -189,8 +198,12 @@ def fragments(
         at = 0 if len(own) == 1 else i * len(own) // len(seen)
         triangle = torch.from_numpy(numbers[i]).to(first.device)
         of_mesh = torch.from_numpy(own[at].triangles.astype("int64")).to(first.device)
-        corners = of_mesh[triangle.clamp(min=0).long()] if len(of_mesh) else torch.zeros(*triangle.shape, 3, dtype=torch.int64)
-        values = _seen(floats(each[at], "vertices"), camera, settings)
+        vertices = floats(each[at], "vertices")
+        if len(of_mesh) == 0:
+            # A triangle that no pixel shows.
+            of_mesh, vertices = of_mesh.new_zeros(1, 3), torch.cat([vertices, vertices.new_zeros(1, 3)])
+        corners = of_mesh[triangle.clamp(min=0).long()]
+        values = _seen(vertices, camera, settings)
         made.append((triangle, *(_at_centres if k is None else _near_centres)(values, corners, triangle >= 0, settings)))
     return Fragments(*(torch.stack(parts) for parts in zip(*made)))
 
@@ -198,7 +211,10 @@ def fragments(
 def interpolate(found: Fragments, values: torch.Tensor, faces) -> torch.Tensor:
     """Values [V, N] of the vertices at each fragment of faces [F, 3]: [views, height, width, N], or [views, height, width, k, N]; 0 for no
     triangle. With gradients by the values, and by the vertices through the fragments."""
-    corners = indices(faces, values.device)[found.triangle.clamp(min=0).long()]
+    faces = indices(faces, values.device)
+    if len(faces) == 0:
+        return values.new_zeros(*found.triangle.shape, values.shape[-1])
+    corners = faces[found.triangle.clamp(min=0).long()]
     return (found.barycentrics[..., None].to(values) * values[corners]).sum(-2)
 
 
@@ -238,9 +254,10 @@ def _blended(color, triangle, depth, seen: _Seen, faces, opposite, settings: Set
     u = _cross(offset, step[..., None, :].expand_as(edge)) / _safe(across)
     # An edge of the silhouette has one face, or both on one side.
     third = opposite[nearer.clamp(min=0)]
+    ahead = (seen.places[corners][..., 2] > 0) & (seen.places[corners.roll(-1, -1)][..., 2] > 0)
     sides = [_cross(edge, places[apex] - first) for apex in (corners.roll(-2, -1), third.clamp(min=0))]
     outline = (third < 0) | (sides[0] * sides[1] > 0)
-    crosses = outline & (across != 0) & (t >= 0) & (t <= 1) & (u >= 0) & (u <= 1) & differs[..., None]
+    crosses = ahead & outline & (across != 0) & (t >= 0) & (t <= 1) & (u >= 0) & (u <= 1) & differs[..., None]
     share, _ = torch.where(crosses, t, torch.full_like(t, math.inf)).min(-1)
     valid = crosses.any(-1) & (nearer >= 0)
     share = torch.where(valid, share, torch.full_like(share, 0.5))
@@ -265,13 +282,17 @@ def antialias(
     gradients by the vertices through the outline (Laine et al., Modular primitives for high-performance differentiable rendering, 2020).
 
     `vertices` [V, 3] are those of all views, `settings` those of the fragments. Outlines that meet no neighbour's centre have no gradient:
-    where they matter, `render`.
+    where they matter, `render`. An edge that reaches behind the camera is no outline. Raises InputError.
     """
     settings = settings or Settings()
     faces = indices(faces, vertices.device)
     seen = [cameras] if isinstance(cameras, Camera) else list(cameras)
-    if found.distance is not None or color.shape[:3] != found.triangle.shape or len(seen) != len(color) or vertices.ndim != 2:
+    vertices = floats(vertices, "vertices")
+    fits = color.ndim == 4 and color.shape[:3] == found.triangle.shape and len(seen) == len(color)
+    if found.distance is not None or not fits or vertices.ndim != 2:
         raise InputError("antialias: give one mesh, fragments without k and a picture [views, height, width, N] of them")
+    if len(faces) == 0:
+        return color
     opposite = _opposite(faces)
     pictures = []
     for picture, triangle, depth, camera in zip(color, found.triangle, found.depth, seen):

@@ -75,7 +75,7 @@ class Scene:
     renderer: Optional[Renderer]
 
     def meshes(self, arrays: Sequence[np.ndarray], colored: bool = True) -> List[Mesh]:
-        """The meshes with the arrays' values but for features, or without their colours."""
+        """The meshes with the arrays' values but for features, and unless `colored` without colours."""
         found = []
         # Triangles that several meshes have are read and checked once.
         bare: Dict[Any, Mesh] = {}
@@ -99,15 +99,25 @@ class Scene:
         return found
 
     def features(self, arrays: Sequence[np.ndarray]) -> List[np.ndarray]:
-        """The features of each mesh; none where no mesh has any."""
+        """The features [V, N] of each mesh, those that are given or its template's; none unless they are rendered."""
+        if "features" not in self.settings.outputs:
+            return []
         found = []
-        for i, _ in enumerate(self.templates):
-            for one, array in zip(self.inputs, arrays):
-                if one.name == "features" and one.belongs_to(i):
-                    found.append(one.part(array, i))
-        if len({array.shape[-1] for array in found if array.ndim == 2}) > 1:
+        for i, template in enumerate(self.templates):
+            given = [one.part(array, i) for one, array in zip(self.inputs, arrays) if one.name == "features" and one.belongs_to(i)]
+            own = template.features if isinstance(template, Mesh) else None
+            found.extend(given or ([] if own is None else [own]))
+        if len(found) != len(self.templates) or any(array.ndim != 2 or array.shape[1] == 0 for array in found):
+            raise InputError("features are asked for: give each mesh [V, N], of 1 or more for each vertex")
+        if len({array.shape[1] for array in found}) > 1:
             raise InputError("meshes with different numbers of features: give each [V, N] with one N")
         return found
+
+    def channels(self, arrays: Sequence[Any]) -> int:
+        """The number of features, from arrays of which only the shapes are known."""
+        given = [array.shape[-1] for one, array in zip(self.inputs, arrays) if one.name == "features" and array.ndim > 1]
+        own = [one.features.shape[1] for one in self.templates if isinstance(one, Mesh) and one.features is not None]
+        return (given or own or [0])[0]
 
     def seen(self, values: Dict[str, np.ndarray]) -> List[Camera]:
         """The cameras with the arrays' view matrices and projections."""
@@ -197,17 +207,22 @@ class _ExactFeatures:
 
     def __init__(self, meshes, cameras, settings, positions, features):
         self._channels = features[0].shape[-1]
-        colors = [np.pad(array, ((0, 0), (0, _EXACT_FEATURES - self._channels))) for array in features]
+        # Colours end at 100. A power of two changes no digit.
+        most = max(np.abs(array, dtype=np.float64).max(initial=1.0) for array in features)
+        self._scale = 2.0 ** np.ceil(np.log2(most))
+        colors = [np.pad(array / self._scale, ((0, 0), (0, _EXACT_FEATURES - self._channels))) for array in features]
         settings = dataclasses.replace(settings, outputs=("color",), background_color=(0.0, 0.0, 0.0))
+        if any(texture.shape[-1] == 4 for mesh in meshes for texture in mesh.textures or []):
+            raise InputError("features in double precision beside a texture with alpha: leave out one of the two")
         colored = [Mesh(mesh.positions, mesh.triangles, colors=part) for mesh, part in zip(meshes, colors)]
         self._frame = _Reference(colored, cameras, settings, Lights(), positions, colors)
-        self.features = self._frame.color[..., : self._channels]
+        self.features = self._scale * self._frame.color[..., : self._channels]
 
     def backward(self, *, by, mode, features):
-        padded = np.pad(features, ((0, 0),) * 3 + ((0, _EXACT_FEATURES - self._channels),))
+        padded = np.pad(self._scale * features, ((0, 0),) * 3 + ((0, _EXACT_FEATURES - self._channels),))
         found = self._frame.backward(by=by, mode=mode, color=padded)
         kept = types.SimpleNamespace(**{name: getattr(found, name) for name in _GRADIENTS if name not in _OF_COLORS})
-        meshes = [(mesh.positions, mesh.colors[:, : self._channels]) for mesh in found.meshes]
+        meshes = [(mesh.positions, mesh.colors[:, : self._channels] / self._scale) for mesh in found.meshes]
         kept.meshes = [types.SimpleNamespace(positions=places, features=part) for places, part in meshes]
         return kept
 
@@ -265,7 +280,7 @@ def render(scene: Scene, arrays: Sequence[np.ndarray], save: bool, colored: bool
         settings = dataclasses.replace(settings, outputs=("silhouette",))
     exact = arrays[0].dtype == np.float64
     times = len(meshes) // len(own)
-    features = [array for array in scene.features(arrays) for _ in range(times)] if "features" in settings.outputs else []
+    features = [array for array in scene.features(arrays) for _ in range(times)] if colored else []
     renderer = None if exact else scene.renderer or default_renderer()
     at_once = _EXACT_FEATURES if exact else _FEATURES
     channels = features[0].shape[-1] if features else 0
@@ -304,8 +319,10 @@ def _by_views(twists: np.ndarray, views: np.ndarray) -> np.ndarray:
     return by_motion @ np.linalg.inv(views.astype(np.float64)).transpose(0, 2, 1)
 
 
-def _of_texture(mesh, index: int, channels: int) -> np.ndarray:
-    """The gradient by one of a mesh's textures, with alpha for four channels."""
+def _of_texture(mesh, index: int, channels: int) -> Optional[np.ndarray]:
+    """The gradient by one of a mesh's textures, with alpha for four channels; None where no image depends on it."""
+    if mesh.textures is None:
+        return None
     texels = mesh.textures[index]
     if channels == 3:
         return texels
@@ -325,6 +342,8 @@ def _gradient(one: Input, found, array: np.ndarray, meshes: int) -> np.ndarray:
                 parts = [_of_texture(mesh, one.texture, array.shape[-1]) for mesh in seen]
             else:
                 parts = [getattr(mesh, one.name) for mesh in seen]
+            # None of a frame that no image with an upstream gradient belongs to.
+            parts = [np.zeros(one.part(array, i).shape) if found is None else found for found in parts]
             return parts[0] if times == 1 else np.sum(parts, 0)
 
         parts = [part(one.of)] if isinstance(one.of, int) else [part(i) for i in range(meshes)]
@@ -457,7 +476,9 @@ def build(
     settings = constants.get("settings") or Settings()
     outputs = (settings.outputs,) if isinstance(settings.outputs, str) else tuple(settings.outputs)
     if given.get("features") is not None and "features" not in outputs:
-        settings = dataclasses.replace(settings, outputs=(*outputs, "features"))
+        outputs = (*outputs, "features")
+    if outputs != settings.outputs:
+        settings = dataclasses.replace(settings, outputs=outputs)
     scene = Scene(
         inputs=[one for one, _ in collected],
         templates=_templates(faces, meshes, host),

@@ -82,7 +82,7 @@ def _shapes(scene: _scene.Scene, arrays):
     kind = np.float64 if arrays[0].dtype == np.float64 else np.float32
     names = [name for name in _scene.IMAGES if name in scene.settings.outputs]
     channels = {"color": (3,), "normal": (3,)}
-    channels.update(features=(values["features"].shape[-1],) if "features" in values else ())
+    channels["features"] = (scene.channels(arrays),)
     return names, tuple(jax.ShapeDtypeStruct(sides + channels.get(name, ()), kind) for name in names)
 
 

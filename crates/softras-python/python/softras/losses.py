@@ -121,7 +121,9 @@ def sample_surface(
     Of vertices [B, V, 3] [B, count, 3]; their faces are [F, 3] for all or [B, F, 3].
     """
     if vertices.ndim == 3:
-        each = [faces] * len(vertices) if faces.ndim == 2 else faces
+        each = [faces] * len(vertices) if getattr(faces, "ndim", 3) == 2 else list(faces)
+        if len(each) != len(vertices):
+            raise InputError(f"faces of {len(each)} meshes for {len(vertices)}: give [F, 3] for all, or one for each")
         return torch.stack([sample_surface(one, of, count, generator) for one, of in zip(vertices, each)])
     a, b, c = floats(vertices, "vertices")[indices(faces, vertices.device)].unbind(1)
     b, c = b - a, c - a

@@ -120,7 +120,7 @@ def fragments(
     """The nearest triangle of each pixel, for one mesh and every camera, or a list of meshes with one camera each.
 
     Nothing is blurred: of the settings the size, near, far, faces and the parity count. Textures count as opaque. There is no
-    gradient; `softras.torch.interpolate` interpolates any values of the vertices with one. Raises what `Renderer.render` raises.
+    gradient; the fragments of `softras.torch` have one. Raises what `Renderer.render` raises.
     """
     return Fragments(*(renderer or default_renderer()).fragments(meshes, cameras, settings))
 

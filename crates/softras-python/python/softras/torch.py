@@ -155,7 +155,7 @@ def render(
     triangles and appearance are used. `colors` is [3] or [V, 3], `surface` [F, R², 3], `uvs` [U, 2] and `textures`
     [height, width, 3 or 4 with alpha] for one mesh; with one more dimension, or as a list, each mesh has its own.
 
-    `features` [V, N] are any numbers of the vertices, with one more dimension or as a list those of each mesh. The image `features`
+    `features` [V, N] are any numbers of the vertices from -1e12 to 1e12, with one more dimension or as a list those of each mesh, all with one N. The image `features`
     [views, height, width, N] has the weights of colours, 0 for the background and no light: what a shader of your own starts from.
 
     A mesh may have several textures: then `textures` is a list of them for one mesh, and a list of such lists for B meshes,
