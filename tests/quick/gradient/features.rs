@@ -81,7 +81,7 @@ fn cases(count: u64, channels: u32) -> impl Iterator<Item = Case> {
 fn three_features_are_a_colour_to_the_bit() {
     let (mut renderer, mut seen) = (renderer(), 0);
     let wanted = GradientRequest { background: false, lights: false, ..GradientRequest::ALL };
-    let all: Vec<Case> = cases(tier(5, 40), 3).collect();
+    let all: Vec<Case> = cases(tier(3, 40), 3).collect();
     for case in &all {
         let case = as_colors(case, [0, 1, 2]);
         let upstream = upstream_of_features(&case, 3);
@@ -113,7 +113,7 @@ fn numbers_of_colors(gradients: &Gradients) -> Numbers {
 #[test]
 fn any_number_is_the_references() {
     let (mut renderer, mut seen) = (renderer(), 0);
-    for (channels, count) in [(1, 1), (5, tier(2, 20)), (16, tier(2, 20)), (32, 1)] {
+    for (channels, count) in [(1, tier(0, 5)), (5, tier(1, 20)), (16, tier(1, 20)), (32, tier(0, 5))] {
         for case in cases(count, channels).filter(|case| !case.scene.meshes.iter().any(has_alpha)) {
             let upstream = upstream_of_features(&case, channels as usize);
             let others = Outputs { features: false, ..case.settings.outputs };
@@ -145,7 +145,7 @@ fn any_number_is_the_references() {
             }
         }
     }
-    assert!(seen > 10, "{seen}");
+    assert!(seen > 4, "{seen}");
 }
 
 fn has_alpha(mesh: &Mesh) -> bool {
