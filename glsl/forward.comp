@@ -17,7 +17,7 @@
 
 // In frames that forward_soft.comp serves, forward_long draws the tiles with a thin triangle.
 const bool DRAWS_THIN = true;
-const float FEATURE_UNIT = 1.0;
+const float COLOR_UNIT = 1.0;
 #include "common/forward_tile.glsl"
 
 // Adds a fragment to the product of eq. 5, or to what SILHOUETTE_MODE has in its place.
@@ -158,7 +158,7 @@ void gather(Fetched own, bool live, LaneConstants constants, inout Cover covers[
     Corner c;
     if (WANT_SHADING) {
         c = shared_corner_of(own);
-        read_features(own, false, FEATURE_UNIT);
+        read_features(own, false, COLOR_UNIT);
     }
     SignedDistance distances[PIXELS];
     signed_distances_of(own, live, t, constants, distances);

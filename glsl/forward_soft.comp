@@ -21,7 +21,7 @@
 const bool DRAWS_THIN = false;
 // The factor of the sums of colours and features. It is less than that of the weights, so that a million of the brightest colours
 // (Mesh::BRIGHTEST) under the brightest lights stay finite.
-const float FEATURE_UNIT = 1048576.0;
+const float COLOR_UNIT = 1048576.0;
 #include "common/forward_tile.glsl"
 
 // The geometry of an entry of a tile's list. With x the column of a lane's pixel i less origin_x, its signed distance to each
@@ -170,7 +170,6 @@ Cover cover_of(Transmittance w) {
 // The factor of all weights in a pixel's sums. Without it the products of small weights and clipped barycentrics would be
 // denormal numbers, each of which costs a processor some hundred cycles.
 const float WEIGHT_UNIT = 1152921504606846976.0;
-const float COLOR_UNIT = FEATURE_UNIT;
 
 // Adds an entry to a word's product of eq. 5.
 void add_transmittance(SoftDistance d[PIXELS], inout Transmittance w[PIXELS]) {

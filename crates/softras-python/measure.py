@@ -5,6 +5,7 @@
     python measure.py --mesh X.obj   # with another mesh than the fish
     python measure.py --steps 10000  # resident memory in the course of as many steps
     python measure.py --features 16  # what three of 16 features cost, as a share of a frame with colour
+    python measure.py --fragments 8  # the time of that many fragments of each pixel
 
 Needs torch, and the package built with --release; JAX is timed where it is installed. A step is a forward pass with colour and
 silhouette and a backward pass by the vertices, with the images as their own upstream gradients. All take turns of some steps
@@ -115,6 +116,20 @@ def features(shape, count):
     print(f"256² × 1: {without:.2f} ms, with {count} features {with_them:.2f} ms: three cost {share:.2f} of a frame")
 
 
+def fragments(shape, k):
+    """The time of a pixel's k strongest fragments, and of their gradient by the vertices."""
+    mesh, cameras, settings = scene(shape, 256, 1)
+    vertices, faces = torch.tensor(mesh.positions, requires_grad=True), torch.tensor(mesh.triangles.astype(np.int64))
+    forward, backward = [], []
+    for _ in range(TURNS):
+        start = time.perf_counter()
+        found = st.fragments(vertices, faces, cameras, k=k, settings=settings)
+        forward.append(time.perf_counter() - start)
+        found.depth.sum().backward()
+        backward.append(time.perf_counter() - start - forward[-1])
+    print(f"256² × 1: {k} fragments {statistics.median(forward):.2f} s, their gradient {statistics.median(backward):.2f} s")
+
+
 def resident():
     """MiB of resident memory."""
     pages = int(pathlib.Path("/proc/self/statm").read_text().split()[1])
@@ -134,11 +149,14 @@ if __name__ == "__main__":
     parser.add_argument("--mesh", help="a mesh file in place of the fish")
     parser.add_argument("--steps", type=int, help="watch the memory of so many steps")
     parser.add_argument("--features", type=int, help="time this number of features beside colour")
+    parser.add_argument("--fragments", type=int, help="time this number of fragments of a pixel")
     args = parser.parse_args()
     shape = softras.load(args.mesh) if args.mesh else softras.shapes.fish()
     if args.steps:
         memory(shape, args.steps)
     elif args.features:
         features(shape, args.features)
+    elif args.fragments:
+        fragments(shape, args.fragments)
     else:
         ratios(shape)

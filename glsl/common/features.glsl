@@ -45,12 +45,12 @@ void add_word_features(int i, float keep) {
     }
 }
 
-// Writes the features of pixel i, whose sums are in units of `unit`, to index `at`.
-void write_features(int i, Pixel p, float unit, int at, int triangle_count) {
+// Writes the features of pixel i, whose sums are in units of COLOR_UNIT, to index `at`.
+void write_features(int i, Pixel p, int at, int triangle_count) {
     float inverse = p.sum > 0.0 ? 1.0 / p.sum : 0.0;
     float blend = COMPOSITE ? alpha_of(p, triangle_count) : 1.0;
     for (int k = 0; k < FEATURES; ++k) {
-        vec4 sum = feature_sums[i * FEATURE_ROOM + k] / unit;
+        vec4 sum = feature_sums[i * FEATURE_ROOM + k] / COLOR_UNIT;
         feature_image[at * FEATURE_ROOM + k] = p.sum > 0.0 ? sum * inverse * blend : vec4(0.0);
     }
 }

@@ -1,7 +1,7 @@
 // Common parts of the forward kernels: their buffers, the tile's list, and how they write a finished tile.
 // With WALKED the list is not in memory. The lanes share the entries at hand: those found but not yet added (walked_tile.glsl).
-// The file that includes this one defines first_pixel, finished, gather_entries and FEATURE_UNIT, the factor of the sums of
-// features.
+// The file that includes this one defines first_pixel, finished, gather_entries and COLOR_UNIT, the factor of the sums of
+// colours and features.
 
 layout(local_size_x_id = 0) in;
 
@@ -114,7 +114,7 @@ void write_pixel(TileLocation tile, int i, Pixel p, int triangle_count) {
     if (where.x < int(frame.width) && where.y < int(frame.height)) {
         int to = pixel_index(tile.view, where);
         write_images(p, to, triangle_count);
-        write_features(i, p, FEATURE_UNIT, to, triangle_count);
+        write_features(i, p, to, triangle_count);
         if (SAVE) {
             saved[to] = saved_of(p);
         }

@@ -151,7 +151,9 @@ impl Frame {
         if outputs.features {
             let stride = channels.next_multiple_of(4);
             let rows = buffers.floats(BufferId::FeatureImage, stride * pixels)?.chunks_exact(stride);
-            frame.features = image(channels, rows.flat_map(|row| &row[..channels]).copied().collect());
+            let mut data = Vec::with_capacity(channels * pixels);
+            rows.for_each(|row| data.extend_from_slice(&row[..channels]));
+            frame.features = image(channels, data);
         }
         Ok(frame)
     }

@@ -215,3 +215,31 @@ fn unfit_tensors_and_gradients_are_errors() {
     assert!(gradient.iter().all(|x| x.is_nan()));
     softras.take_fault().unwrap();
 }
+
+/// The features of meshes are constants, through which positions have a gradient.
+#[test]
+fn features_are_the_renderers_to_the_bit() {
+    let (mut views, device) = (views(2), Device::flex().autodiff());
+    let with_features = |mesh: Mesh| {
+        let features = (0..5 * mesh.positions().len()).map(noise).collect();
+        mesh.with_features(5, features).unwrap()
+    };
+    views.scene.meshes = views.scene.meshes.into_iter().map(with_features).collect();
+    views.settings.outputs = Outputs { features: true, ..Outputs::SILHOUETTE };
+    let positions = packed_positions(&views.scene, &device).require_grad();
+    let inputs = Inputs { positions: Some(positions.clone()), ..Inputs::default() };
+    let softras = SoftRas::new(Renderer::new().unwrap());
+    let features = softras.render(&views, &inputs).unwrap().features.unwrap();
+    let mut renderer = Renderer::new().unwrap();
+    let frame = renderer.render_saved(&views.scene, &views.cameras, &views.settings).unwrap();
+    assert_eq!(features.clone().into_data().try_to_vec::<f32>().unwrap(), frame.features().unwrap().data);
+    let weighted = features * Tensor::<4>::from_data(TensorData::new(weights(5), [3, SIZE, SIZE, 5]), &device);
+    let found: Vec<f32> = positions.grad(&weighted.sum().backward()).unwrap().into_data().try_to_vec().unwrap();
+    let upstream = Image { data: weights(5), ..*frame.features().unwrap() };
+    let upstream = ImageGradient { features: Some(upstream), ..ImageGradient::default() };
+    let expected = renderer.backward(&frame, &upstream, &GradientRequest::default()).unwrap();
+    assert_eq!(
+        found,
+        expected.meshes.iter().flat_map(|mesh| mesh.positions.as_flattened()).copied().collect::<Vec<_>>()
+    );
+}

@@ -40,7 +40,8 @@ fn main() -> ExitCode {
 
 /// If `fit` is given a path without an option, adds a tip that names the option.
 fn with_option(mut error: clap::Error) -> clap::Error {
-    let is_fit = std::env::args_os().skip(1).any(|word| word == "fit");
+    let mut words = std::env::args().skip(1);
+    let is_fit = words.find(|word| !word.starts_with('-')).is_some_and(|name| name == "fit");
     let given = match error.get(ContextKind::InvalidArg) {
         Some(ContextValue::String(given)) if is_fit && error.kind() == ErrorKind::UnknownArgument => given.clone(),
         _ => return error,

@@ -127,6 +127,13 @@ pub struct PlanInput<'a> {
     pub rare: Rare,
 }
 
+impl PlanInput<'_> {
+    /// Texels of a vertex's features, four features each; 0 without an image of them.
+    fn feature_texels(&self) -> u32 {
+        if self.settings.outputs.features { self.features.div_ceil(4) } else { 0 }
+    }
+}
+
 impl ForwardPlan {
     /// The plan of a frame.
     ///
@@ -265,7 +272,7 @@ fn ranges_of(input: &PlanInput, frame: &FramePush) -> Result<(Vec<ViewRange>, To
         t.pixels += u64::from(frame.width) * u64::from(frame.height);
     }
     // Kernels index texels with i32; the widest record has 9 texels and those of its features.
-    let features = if input.settings.outputs.features { u64::from(input.features.div_ceil(4)) } else { 0 };
+    let features = u64::from(input.feature_texels());
     let index = |what: &str, needed: u64, fix: &str| -> Result<()> {
         let limit = i32::MAX as u64;
         if needed <= limit {

@@ -217,7 +217,7 @@ impl Modes {
             opacity: u32::from(input.sampling.opacity),
             loop_passes: input.loop_passes,
             walks: u32::from(input.rare.walked),
-            feature_texels: if s.outputs.features { input.features.div_ceil(4) } else { 0 },
+            feature_texels: input.feature_texels(),
             ..Self::default()
         }
     }

@@ -113,6 +113,12 @@ class Scene:
             raise InputError("meshes with different numbers of features: give each [V, N] with one N")
         return found
 
+    def of_meshes(self, name: str, arrays: Sequence[np.ndarray], times: int) -> List[np.ndarray]:
+        """The arrays of a name that the meshes have, each as often as its mesh is in the frame; none for a mesh without."""
+        inputs = list(zip(self.inputs, arrays))
+        meshes = [i for i, _ in enumerate(self.templates) for _ in range(times)]
+        return [one.part(array, i) for i in meshes for one, array in inputs if one.name == name and one.belongs_to(i)]
+
     def channels(self, arrays: Sequence[Any]) -> int:
         """The number of features, from arrays of which only the shapes are known."""
         given = [array.shape[-1] for one, array in zip(self.inputs, arrays) if one.name == "features" and array.ndim > 1]
@@ -257,7 +263,7 @@ class _Joined:
 
 
 _MESH_GRADIENTS = ("positions", "colors", "surface", "textures", "alphas", "uvs")
-_OF_COLORS = ("ambient_color", "ambient_intensity", "light_directions", "light_colors", "light_intensities", "background")
+_OF_COLORS = (*_OF_LIGHTS, "background")
 _GRADIENTS = ("twists", "projections", "epsilon", "sigma", "gamma") + _OF_COLORS
 
 
@@ -269,7 +275,7 @@ def _sum(values):
     return [_sum(each) for each in zip(*given)] if isinstance(given[0], list) else functools.reduce(operator.add, given)
 
 
-def render(scene: Scene, arrays: Sequence[np.ndarray], save: bool, colored: bool = True) -> Union[Frame, _Reference]:
+def render(scene: Scene, arrays: Sequence[np.ndarray], save: bool, colored: bool = True) -> Union[Frame, _Reference, _Joined]:
     """A frame of the arrays' values, by the reference device where the positions are in double precision; the silhouette alone unless
     it is `colored`."""
     values = {one.name: array for one, array in zip(scene.inputs, arrays) if one.name not in _OF_MESH}
@@ -278,35 +284,44 @@ def render(scene: Scene, arrays: Sequence[np.ndarray], save: bool, colored: bool
     settings, lights = scene.set(values), scene.lit(values)
     if not colored:
         settings = dataclasses.replace(settings, outputs=("silhouette",))
-    exact = arrays[0].dtype == np.float64
     times = len(meshes) // len(own)
     features = [array for array in scene.features(arrays) for _ in range(times)] if colored else []
-    renderer = None if exact else scene.renderer or default_renderer()
-    at_once = _EXACT_FEATURES if exact else _FEATURES
-    channels = features[0].shape[-1] if features else 0
-    if not exact and channels <= at_once:
+    if arrays[0].dtype == np.float64:
+        exact = [scene.of_meshes(name, arrays, times) for name in ("positions", "colors")]
+        return _exact(meshes, cameras, settings, lights, exact, features)
+    renderer = scene.renderer or default_renderer()
+    if not features or features[0].shape[1] <= _FEATURES:
         meshes = [mesh.with_features(part) for mesh, part in zip(meshes, features)] or meshes
         return renderer.render(meshes, cameras, settings, lights, save=save)
-    others = dataclasses.replace(settings, outputs=tuple(name for name in settings.outputs if name != "features"))
-    given: Dict[str, list] = {"positions": [], "colors": []}
-    for i in [i for i in range(len(own)) for _ in range(times)]:
-        for one, array in zip(scene.inputs, arrays):
-            if exact and one.name in given and one.belongs_to(i):
-                given[one.name].append(one.part(array, i))
-    frame, parts = None, []
-    if others.outputs and exact:
-        frame = _Reference(meshes, cameras, others, lights, given["positions"], given["colors"] or None)
-    elif others.outputs:
-        frame = renderer.render(meshes, cameras, others, lights, save=save)
-    for first in range(0, channels, at_once):
-        part = [array[:, first : first + at_once] for array in features]
-        if exact:
-            parts.append(_ExactFeatures(meshes, cameras, settings, given["positions"], part))
-        else:
-            alone = dataclasses.replace(settings, outputs=("features",))
-            moved = [mesh.with_features(own) for mesh, own in zip(meshes, part)]
-            parts.append(renderer.render(moved, cameras, alone, lights, save=save))
-    return _Joined(frame, parts) if parts else frame
+    alone, others = _apart(settings)
+    frame = renderer.render(meshes, cameras, others, lights, save=save) if others.outputs else None
+    parts = []
+    for part in _blocks(features, _FEATURES):
+        moved = [mesh.with_features(own) for mesh, own in zip(meshes, part)]
+        parts.append(renderer.render(moved, cameras, alone, lights, save=save))
+    return _Joined(frame, parts)
+
+
+def _exact(meshes, cameras, settings, lights, exact, features) -> Union[_Reference, _Joined]:
+    """A frame of the reference device at the `exact` positions and colours of the meshes."""
+    positions, colors = exact
+    if not features:
+        return _Reference(meshes, cameras, settings, lights, positions, colors or None)
+    alone, others = _apart(settings)
+    frame = _Reference(meshes, cameras, others, lights, positions, colors or None) if others.outputs else None
+    blocks = _blocks(features, _EXACT_FEATURES)
+    return _Joined(frame, [_ExactFeatures(meshes, cameras, alone, positions, part) for part in blocks])
+
+
+def _apart(settings: Settings) -> Tuple[Settings, Settings]:
+    """The settings of features alone, and those of all other images."""
+    others = tuple(name for name in settings.outputs if name != "features")
+    return dataclasses.replace(settings, outputs=("features",)), dataclasses.replace(settings, outputs=others)
+
+
+def _blocks(features: List[np.ndarray], most: int) -> List[List[np.ndarray]]:
+    """The features of all meshes in blocks of at most `most` channels."""
+    return [[array[:, first : first + most] for array in features] for first in range(0, features[0].shape[1], most)]
 
 
 def _by_views(twists: np.ndarray, views: np.ndarray) -> np.ndarray:
@@ -343,7 +358,7 @@ def _gradient(one: Input, found, array: np.ndarray, meshes: int) -> np.ndarray:
             else:
                 parts = [getattr(mesh, one.name) for mesh in seen]
             # None of a frame that no image with an upstream gradient belongs to.
-            parts = [np.zeros(one.part(array, i).shape) if found is None else found for found in parts]
+            parts = [np.zeros(one.part(array, i).shape) if value is None else value for value in parts]
             return parts[0] if times == 1 else np.sum(parts, 0)
 
         parts = [part(one.of)] if isinstance(one.of, int) else [part(i) for i in range(meshes)]

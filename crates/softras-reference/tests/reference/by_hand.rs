@@ -259,3 +259,17 @@ fn an_empty_mesh_is_background() {
     assert_close("background", &on_screen(&scene, &settings).color, &[0.1, 0.2, 0.3].repeat(4));
     assert!(difference(&on_screen(&scene, &settings), &culled(&scene, &settings)) < 1e-12);
 }
+
+/// A triangle that lies farther around the pixel may outweigh a nearer one, or not if γ is small. One that is out of reach and one
+/// that the near plane cuts are left out.
+#[test]
+fn the_strongest_triangles_by_hand() {
+    let cut = [[-4.0, -0.3, 0.5], [4.0, -0.3, 3.0], [0.0, 4.0, 3.0]];
+    let placed = [(-9.0, 3.0), (0.2, 4.0), (0.1, 3.0), (-0.05, 3.0)].map(|(below, z)| triangle_above(below, z));
+    let scene = Scene::new(screen_mesh(&[&placed[..], &[cut]].concat().concat()));
+    for (gamma, order) in [(0.1, [1, 2, 3]), (1e-3, [2, 3, 1])] {
+        let of = |count| strongest(&scene, &[Camera::screen()], &Settings { gamma, ..one_pixel() }, count).unwrap();
+        assert_eq!(of(4), [&order.map(Some)[..], &[None]].concat(), "{gamma}");
+        assert_eq!(of(1), [Some(order[0])]);
+    }
+}

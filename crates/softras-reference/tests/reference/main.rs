@@ -18,7 +18,7 @@ use softras::scene::{
     Appearance, Background, Camera, ColorAggregation, DirectionalLight, Distance, Faces, FrontFace, Interpolation,
     Lights, Mesh, Outputs, Parity, Projection, Scene, Settings, Shading, SilhouetteAggregation, Texture, Wrap,
 };
-use softras_reference::{ReferenceFrame, Truncation, render, render_culled};
+use softras_reference::{ReferenceFrame, Truncation, render, render_culled, strongest};
 use softras_reference::{pairs, render_untruncated};
 
 /// One pixel, at the screen's origin.
