@@ -3,7 +3,7 @@
 use super::{
     begin::takes_hull,
     options::{FitOptions, Template},
-    setup::iterations,
+    setup::{FEW_UNTIL, iterations, views_per_step},
 };
 use crate::{
     ShapeFit, ShapeOptions,
@@ -16,7 +16,7 @@ use std::time::Instant;
 /// Views of the steps that are timed, at most.
 const TIMED: usize = 4;
 /// The whole fit's time as a multiple of that of its steps by a sphere, about: a hull has more triangles, and comes first.
-const WHOLE: f64 = 2.5;
+const WHOLE: f64 = 4.0;
 
 /// Tells what the fit is going to do, and about how long that takes, by a step that is timed.
 pub fn tell(options: &FitOptions, subject: &Subject, work: &mut Work) -> Result<()> {
@@ -34,10 +34,15 @@ pub fn tell(options: &FitOptions, subject: &Subject, work: &mut Work) -> Result<
         _ => "a sphere",
     };
     let texture = if options.texture.is_some() && !options.keeps_shape() { ", then a texture" } else { "" };
+    let per_step = views_per_step(options, hull, fitted.len()).map(|views| match views {
+        0 => fitted.len() as f64,
+        some => some.min(fitted.len()) as f64,
+    });
+    let views = FEW_UNTIL * per_step[0] + (1.0 - FEW_UNTIL) * per_step[1];
     let about = match seconds(options, subject, &fitted, work.renderer) {
         // The sphere that is timed may need more than the fit does.
         Err(Error::OutOfMemory { .. } | Error::Limit { .. }) => String::new(),
-        each => match WHOLE * each? * (fitted.len() * steps) as f64 {
+        each => match WHOLE * each? * views * steps as f64 {
             seconds if seconds < 90.0 => format!("; about {seconds:.0} s"),
             seconds => format!("; about {:.0} min", seconds / 60.0),
         },

@@ -7,10 +7,14 @@ use super::{
 use crate::{
     bad, evened,
     photographs::{color::color_under_light, subject::Subject},
-    visual_hull,
+    solid::hull::{meshed, samples},
     work::Work,
 };
-use softras::{Mesh, Result, scene::Appearance, shapes};
+use softras::{
+    Mesh, Result,
+    scene::Appearance,
+    shapes::{self, Samples},
+};
 
 /// The sphere's radius as a share of the radius that the cameras see.
 const SPHERE: f64 = 0.65;
@@ -21,10 +25,11 @@ const FINE_SPHERE_VIEWS: usize = 6;
 /// The length of a hull's edges in pixels, where no edge is given.
 const HULL_EDGE: f64 = 2.0;
 
-/// A mesh, and whether it is a hull.
+/// A mesh, and what is known of it.
 pub struct Begin {
     pub mesh: Mesh,
-    pub hull: bool,
+    /// The samples of the views' hull, if it is that.
+    pub hull: Option<Samples>,
     /// Whether the mesh has one colour, which is estimated from the pictures before the fit and held.
     pub one_color: bool,
 }
@@ -34,10 +39,10 @@ pub fn begin(options: &FitOptions, subject: &Subject, work: &mut Work) -> Result
     let official = options.preset == Preset::Official;
     let own = matches!(options.template, Template::Mesh(_));
     let (mesh, hull) = match &options.template {
-        Template::Mesh(mesh) => ((**mesh).clone(), false),
+        Template::Mesh(mesh) => ((**mesh).clone(), None),
         _ => match hull(options, subject, work)? {
-            Some(mesh) => (mesh, true),
-            None => (sphere(options, subject, official)?, false),
+            Some((mesh, samples)) => (mesh, Some(samples)),
+            None => (sphere(options, subject, official)?, None),
         },
     };
     let mesh = if official { placed(&mesh, |p, _| 0.5 * f64::from(p))? } else { mesh };
@@ -81,7 +86,7 @@ pub fn takes_hull(options: &FitOptions, views: usize) -> bool {
 }
 
 /// The visual hull where it is asked for, or is likely to be nearer than a sphere; `None` for a sphere.
-fn hull(options: &FitOptions, subject: &Subject, work: &mut Work) -> Result<Option<Mesh>> {
+fn hull(options: &FitOptions, subject: &Subject, work: &mut Work) -> Result<Option<(Mesh, Samples)>> {
     let asked = matches!(options.template, Template::Hull);
     if asked && options.preset == Preset::Official {
         return bad("a hull for the official method, which begins with its sphere", "leave out one of the two");
@@ -91,21 +96,22 @@ fn hull(options: &FitOptions, subject: &Subject, work: &mut Work) -> Result<Opti
         return Ok(None);
     }
     let (center, side) = subject.cube();
-    match visual_hull(&targets, center, side, subject.samples()?) {
-        Ok(raw) => {
+    let found = samples(&targets, center, side, subject.samples()?);
+    match found.and_then(|samples| Ok((meshed(samples.clone(), &targets)?, samples))) {
+        Ok((raw, samples)) => {
             let edge = options.edge.map_or(HULL_EDGE, |edge| edge.0) * subject.pixel;
             work.goes_on()?;
             let hull = evened(&raw, edge)?;
             // A hull that was carved by depths has its hollows already.
             let lit = subject.one_color && options.color && !subject.lights.directional.is_empty();
             if !lit || targets.depth.is_some() {
-                return Ok(Some(hull));
+                return Ok(Some((hull, samples)));
             }
             let (mesh, hollows) = dug(hull, edge, &targets, subject, work)?;
             if hollows > 0 {
                 work.notes.push(format!("the shading shows {hollows} hollow(s) in the hull: the fit begins with them"));
             }
-            Ok(Some(mesh))
+            Ok(Some((mesh, samples)))
         }
         Err(error) if !asked => {
             work.notes.push(format!("the fit begins with a sphere, since there is no hull: {error}"));

@@ -9,12 +9,12 @@
 
 use super::scores::{genus, mean, shape};
 use crate::{
-    Fitting, ShapeFit, Topology, bad, evened,
+    Fitting, ShapeFit, ShapeOptions, Topology, bad, evened,
     mesh::regions::holes,
     overlap,
     photographs::unseen::{LEAST_PIXELS, Unseen},
     points,
-    solid::carved::carved,
+    solid::{carved::cut_to, hull::samples},
     work::Work,
 };
 use softras::{Mesh, Renderer, Result, Settings};
@@ -37,6 +37,8 @@ const MORE_HANDLES: usize = 8;
 /// The length of a trial as a share of all steps. A new mesh with fewer faults that is farther from the silhouettes takes that many
 /// steps, and then its loss is compared with that of the old mesh after as many steps. The optimiser has settled by then.
 const TRIAL: f64 = 0.05;
+/// The most steps that compare all views once and that a trial takes: those of more views are judged by as many of them.
+const MOST_TRIED: usize = 12;
 
 /// The faults of a mesh's topology, and how near its silhouettes are.
 struct Found {
@@ -128,7 +130,10 @@ impl Fitting {
         work: &mut Work,
     ) -> Result<(Option<ShapeFit>, String)> {
         let setup = &self.setup;
-        let begin = |mesh: &Mesh| ShapeFit::new(mesh.clone(), self.subject.lights.clone(), setup.options.clone());
+        // As many views in a step as the mesh is compared with that it may replace.
+        let views_per_step = self.run.shape().options().views_per_step;
+        let options = ShapeOptions { views_per_step, ..setup.options.clone() };
+        let begin = |mesh: &Mesh| ShapeFit::new(mesh.clone(), self.subject.lights.clone(), options.clone());
         let ious = |after: &Found| format!("mask IoU {:.4}, before {:.4}", after.iou, before.iou);
         let mut why = String::new();
         if let Some((mesh, after)) = made.last() {
@@ -141,7 +146,7 @@ impl Fitting {
         if candidates.is_empty() {
             return Ok((None, why));
         }
-        let trial = step..step + setup.share(TRIAL).max(self.run.turn());
+        let trial = step..step + setup.share(TRIAL).max(self.run.turn().min(MOST_TRIED));
         let kept = self.run.shape().clone();
         let uncut = self.tried(kept, &trial, work)?;
         for (mesh, after) in candidates {
@@ -157,7 +162,7 @@ impl Fitting {
 
     /// The loss of a fit after the steps of a trial: the mean over the last steps that together compare all views once.
     fn tried(&self, mut fit: ShapeFit, trial: &Range<usize>, work: &mut Work) -> Result<f64> {
-        let (setup, turn) = (&self.setup, self.run.turn());
+        let (setup, turn) = (&self.setup, self.run.turn().min(MOST_TRIED));
         let mut losses = Vec::new();
         // A step returns the loss before it moves anything, so one more is taken.
         for at in trial.start..=trial.end {
@@ -174,8 +179,14 @@ impl Fitting {
     /// at once.
     fn cut(&self, mesh: &Mesh, before: &Found, settings: &Settings, work: &mut Work) -> Result<Vec<(Mesh, Found)>> {
         let missing = self.run.targets.silhouette.as_ref().and_then(|silhouette| before.unseen.missing(silhouette));
-        let (center, side) = self.subject.cube();
-        let raw = carved(&self.run.targets, mesh, missing.as_ref(), center, side, self.subject.samples()?)?;
+        let hull = match &self.setup.hull {
+            Some(hull) => hull.clone(),
+            None => {
+                let (center, side) = self.subject.cube();
+                samples(&self.run.targets, center, side, self.subject.samples()?)?
+            }
+        };
+        let raw = cut_to(hull, &self.run.targets, mesh, missing.as_ref())?;
         self.check_handles(&raw, mesh)?;
         let (mut made, edge): (Vec<(Mesh, Found)>, f64) = (Vec::new(), edge(mesh)?);
         for share in EDGES {

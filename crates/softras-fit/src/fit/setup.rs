@@ -11,6 +11,7 @@ use crate::{
 use softras::{
     Mesh, Result, Settings,
     scene::{Appearance, Background, Interpolation},
+    shapes::Samples,
 };
 
 /// Steps of a fit that begins with a sphere, and with a hull.
@@ -27,7 +28,17 @@ const RECUT_AT: [f64; 2] = [0.3, 0.6];
 /// A fit of at least twice as many views that begins with their hull compares this many in each step until this share of the steps:
 /// large steps need no more.
 const FEW: usize = 12;
-const FEW_UNTIL: f64 = 0.6;
+pub const FEW_UNTIL: f64 = 0.6;
+/// From then on all views are compared, or of more than twice as many this many.
+const MANY: usize = 48;
+
+/// The views that a step compares, of a number of views, in the first [`FEW_UNTIL`] of the steps and in the others; 0: all.
+pub fn views_per_step(given: &FitOptions, is_hull: bool, views: usize) -> [usize; 2] {
+    match given.views_per_step {
+        0 if is_hull && views >= 2 * FEW => [FEW, if views > 2 * MANY { MANY } else { 0 }],
+        asked => [asked; 2],
+    }
+}
 
 /// Everything about a fit that does not change while it runs.
 #[derive(Clone, Debug)]
@@ -36,14 +47,17 @@ pub struct Setup {
     pub given: FitOptions,
     /// The mesh to begin with.
     pub template: Mesh,
+    /// The samples of the views' hull, where the fit begins with it and may cut meshes to it.
+    pub hull: Option<Samples>,
     /// The options of the fit.
     pub options: ShapeOptions,
     /// The number of steps.
     pub iterations: usize,
     /// Steps before which the topology is tested.
     recut_at: Vec<usize>,
-    /// The step from which on all views are compared, or as many as the user asks for.
-    few_until: usize,
+    /// The views that a step compares before another step and from it on.
+    views_per_step: [usize; 2],
+    more_from: usize,
     /// Edge length for remeshing, world units.
     edge: Schedule,
     /// Step length of the vertices.
@@ -60,10 +74,11 @@ impl Setup {
     pub fn new(given: FitOptions, subject: &Subject, work: &mut Work) -> Result<Self> {
         let official = given.preset == Preset::Official;
         let begin = begin(&given, subject, work)?;
+        let is_hull = begin.hull.is_some();
         // Rate and sigma. A hull is near to the object, so that σ begins small: soft silhouettes are too large by some √σ, and the
         // mesh ends too small by as much. For one colour under light, where shading shows most of the shape, a larger σ gives better
         // hollows.
-        let default = match (official, begin.hull, begin.one_color) {
+        let default = match (official, is_hull, begin.one_color) {
             (true, _, _) => ((0.01, 0.01), (1e-4, 1e-4)),
             (false, true, true) => ((0.02, 0.002), (3e-5, 2e-6)),
             (false, true, false) => ((0.02, 0.002), (1e-5, 3e-7)),
@@ -73,7 +88,7 @@ impl Setup {
         let unit = if official { 1.0 } else { subject.bounds.radius / REFERENCE_RADIUS };
         let rate = given.rate.unwrap_or((default.0.0 * unit, default.0.1 * unit));
         let (from, to) = given.edge.unwrap_or((EDGE, EDGE));
-        let iterations = iterations(&given, begin.hull);
+        let iterations = iterations(&given, is_hull);
         // A given mesh keeps its triangles, since that may be the purpose of the fit, and a quick fit and the official method never cut.
         let is_plain = given.preset != Preset::Smooth;
         let recuts = !(given.keep_topology || is_plain || matches!(given.template, Template::Mesh(_)));
@@ -82,11 +97,9 @@ impl Setup {
             template: begin.mesh,
             iterations,
             recut_at: if recuts { RECUT_AT.map(|s| steps_of(s, iterations)).to_vec() } else { Vec::new() },
-            few_until: if begin.hull && given.views_per_step == 0 && given.fitted(subject).len() >= 2 * FEW {
-                steps_of(FEW_UNTIL, iterations)
-            } else {
-                0
-            },
+            views_per_step: views_per_step(&given, is_hull, given.fitted(subject).len()),
+            more_from: steps_of(FEW_UNTIL, iterations),
+            hull: begin.hull.filter(|_| recuts),
             edge: (from * subject.pixel, to * subject.pixel).into(),
             rate: rate.into(),
             color_rate: given.color_rate.unwrap_or((0.03, 0.005)).into(),
@@ -109,7 +122,7 @@ impl Setup {
 
     /// The views that a step compares; 0: all.
     pub fn views_per_step(&self, step: usize) -> usize {
-        if step < self.few_until { FEW } else { self.given.views_per_step }
+        self.views_per_step[usize::from(step >= self.more_from)]
     }
 
     /// Whether the topology is tested before a step.
@@ -180,7 +193,7 @@ fn steps_of(share: f64, iterations: usize) -> usize {
 
 fn shape_options(given: &FitOptions, official: bool, begin: &Begin, subject: &Subject) -> ShapeOptions {
     let mut options = if official { ShapeOptions::official() } else { ShapeOptions::smooth() };
-    if begin.hull && begin.one_color {
+    if begin.hull.is_some() && begin.one_color {
         // Shading of a known colour shows the surface everywhere, so that it needs less smoothing.
         options.parametrization = Parametrization::Smoothed { lambda: 2.0 };
         options.regularizers = vec![(Regularizer::Laplacian, 1e-4), (Regularizer::Flatten, 1e-6)];

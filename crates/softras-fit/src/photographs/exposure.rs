@@ -9,6 +9,7 @@ use super::{
 };
 use crate::{points, work::Work};
 use glam::DVec3;
+use rayon::prelude::*;
 use softras::{Image, Mesh, Renderer, Result, Settings};
 use softras_io::Views;
 
@@ -85,19 +86,17 @@ pub fn disagreement(views: &Views, mesh: &Mesh, settings: &Settings, renderer: &
 fn sights(views: &Views, mesh: &Mesh, settings: &Settings, renderer: &mut Renderer) -> Result<Vec<Sight>> {
     let seen = Seen::of(mesh, views, settings, renderer)?;
     let surface: Vec<(DVec3, DVec3)> = points(mesh).into_iter().zip(normals(mesh)).collect();
-    let mut sights = Vec::new();
-    for (point, (place, normal)) in surface.iter().step_by(surface.len().div_ceil(POINTS).max(1)).enumerate() {
+    let some: Vec<_> = surface.iter().step_by(surface.len().div_ceil(POINTS).max(1)).collect();
+    let of_point = |(point, (place, normal)): (usize, &&(DVec3, DVec3))| {
         let log = |view: usize| {
             let (color, _) = seen.by(view, *place, *normal)?;
             (color.min_element() > DARKEST).then(|| Sight { point, view, log: color.map(f64::ln) })
         };
-        let of_point: Vec<Sight> = (0..views.cameras.len()).filter_map(log).collect();
-        // One view alone always agrees with itself.
-        if of_point.len() > 1 {
-            sights.extend(of_point);
-        }
-    }
-    Ok(sights)
+        (0..views.cameras.len()).filter_map(log).collect::<Vec<Sight>>()
+    };
+    let sights: Vec<Vec<Sight>> = some.par_iter().enumerate().map(of_point).collect();
+    // One view alone always agrees with itself.
+    Ok(sights.into_iter().filter(|of_point| of_point.len() > 1).flatten().collect())
 }
 
 /// The logarithms of the gains of a channel, and the median differences of the sights without and with them.

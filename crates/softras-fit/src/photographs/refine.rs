@@ -24,10 +24,11 @@ use softras_io::Views;
 
 /// Pixels that the hull may lie within the masks, in the mean along their outlines and beyond what samples leave, where cameras are right.
 const AGREED: f64 = 0.2;
-/// Refined cameras are taken if at most this share of that distance is left and there are no colours. All stages are worth their time
-/// if a trial leaves at most the second share.
+/// Refined cameras are taken if at most this share of that distance is left and there are no colours.
 const MOST_LEFT: f64 = 0.5;
-const PROMISING: f64 = 0.75;
+/// All stages are worth their time if a trial leaves at most this share, or where its colours agree better. Of views whose cameras are off
+/// by a degree it leaves less than a half, and two thirds or more of those whose masks are wrong and not their cameras.
+const PROMISING: f64 = 0.6;
 /// Refined cameras are taken if at most this share of the colours' disagreement is left: of masks as they were given, and of narrowed
 /// ones, whose hull is less near to the object.
 const MOST_COLORS_LEFT: [f64; 2] = [0.97, 0.88];
@@ -35,9 +36,13 @@ const MOST_COLORS_LEFT: [f64; 2] = [0.97, 0.88];
 const FARTHER: f64 = 0.05;
 /// Views from which on a hull tells whether cameras are right.
 const FEWEST: usize = 6;
-/// Tells whether refined cameras agree better.
-const TRIAL: Stage =
-    Stage { shrink: 2, steps: 60, waits: 10, sigma: (3e-4, 1e-4), rate: (0.5, 0.1), edge: 3.0, turns: true };
+/// The views that a trial takes of more. More would tell the same, and take longer.
+const MOST_TRIED: usize = 36;
+/// Tells whether refined cameras agree better, at half the resolution. The stages are as those below.
+const TRIAL: [Stage; 2] = [
+    Stage { shrink: 2, steps: 40, waits: 10, sigma: (3e-4, 1e-4), rate: (0.5, 0.1), edge: 3.0, turns: false },
+    Stage { shrink: 2, steps: 120, waits: 15, sigma: (1e-4, 1e-5), rate: (0.3, 0.02), edge: 2.0, turns: true },
+];
 /// The first stage finds where each camera points. The effect of its turn about the object is seen only once the shape and the
 /// colours are nearly right, so that turns are left to the second one.
 const STAGES: [Stage; 2] = [
@@ -107,44 +112,31 @@ pub fn refined(subject: &mut Subject, is_narrowed: bool, work: &mut Work) -> Res
     {
         return Ok(());
     }
-    work.begin(Part::Cameras, TRIAL.steps + STAGES.iter().map(|stage| stage.steps).sum::<usize>())?;
-    let Some((mut before, silhouette)) = disagreement(subject, &subject.views, work.renderer)? else { return Ok(()) };
-    work.goes_on()?;
-    // The silhouettes of a hull agree. Their part that its own hull leaves open is due to samples, as where the object is thin.
-    let of_hull = Views { cameras: subject.views.cameras.clone(), silhouette: Some(silhouette), ..Views::default() };
-    let by_samples = disagreement(subject, &of_hull, work.renderer)?.map_or(0.0, |(of_hull, _)| of_hull.masks);
-    before.masks -= by_samples;
-    if before.masks < AGREED && before.colors.is_none() {
+    work.begin(Part::Cameras, TRIAL.iter().chain(&STAGES).map(|stage| stage.steps).sum::<usize>())?;
+    let mut some = spread(subject);
+    let Some(mut given) = measured(some.as_ref().unwrap_or(subject), work)? else { return Ok(()) };
+    if given.beyond_samples.masks < AGREED && given.beyond_samples.colors.is_none() {
         return Ok(());
     }
-    let given = subject.views.cameras.clone();
-    let (mut best, mut cameras, mut moved) = (before, given.clone(), 0.0);
-    'stages: for stages in [&[TRIAL][..], &STAGES] {
-        let mut motions = Motions::new(&given, subject.bounds, subject.pixel);
-        for stage in stages {
-            if !stage.refine(&mut motions, subject, before.masks.max(AGREED), work)? {
-                break 'stages;
-            }
+    let trial = attempt(some.as_mut().unwrap_or(subject), &TRIAL, &given, work)?;
+    let is_promising = trial.as_ref().is_some_and(|trial| trial.left.is_promising(&given.beyond_samples));
+    let mut found = trial.filter(|trial| some.is_none() && trial.left.is_better(&given.beyond_samples, is_narrowed));
+    if is_promising {
+        if some.is_some() {
+            let Some(of_all) = measured(subject, work)? else { return Ok(()) };
+            given = of_all;
         }
-        subject.views.cameras = motions.cameras(&given)?;
-        let after = disagreement(subject, &subject.views, work.renderer)?;
-        let refined = std::mem::replace(&mut subject.views.cameras, given.clone());
-        let Some((mut after, _)) = after else { break };
-        after.masks -= by_samples;
-        if after.is_better(&before, is_narrowed) {
-            (best, cameras, moved) = (after, refined, motions.mean());
-        }
-        if !after.is_promising(&before) {
-            break;
-        }
+        let whole = attempt(subject, &STAGES, &given, work)?;
+        found = whole.filter(|whole| whole.left.is_better(&given.beyond_samples, is_narrowed)).or(found);
     }
-    if moved == 0.0 {
+    let before = given.beyond_samples;
+    let Some(Refined { left: best, cameras, moved }) = found else {
         if before.masks >= AGREED {
             let off = before.masks;
             work.notes.push(format!("the hull lies {off:.1} pixels inside the silhouettes; cameras that were refined agree no better, and stay as given"));
         }
         return work.goes_on();
-    }
+    };
     subject.views.cameras = cameras;
     let colors = best.colors.zip(before.colors);
     let colors = colors.map_or(String::new(), |(after, before)| {
@@ -156,6 +148,65 @@ pub fn refined(subject: &mut Subject, is_narrowed: bool, work: &mut Work) -> Res
         best.masks, before.masks
     ));
     work.goes_on()
+}
+
+/// Some of an object's many views, spread over all of them; `None` where there are few.
+fn spread(subject: &Subject) -> Option<Subject> {
+    let (views, count) = (&subject.views, subject.views.cameras.len());
+    if count <= MOST_TRIED {
+        return None;
+    }
+    let at = |i: usize| i * count / MOST_TRIED;
+    let image = |image: &Option<Image>| image.as_ref().map(|image| image.views((0..MOST_TRIED).map(at)));
+    let cameras = (0..MOST_TRIED).map(|i| views.cameras[at(i)]).collect();
+    let (silhouette, color) = (image(&views.silhouette), image(&views.color));
+    let views = Views { cameras, silhouette, color, ..Views::default() };
+    Some(Subject { views, held_out: Vec::new(), truth: None, lights: subject.lights.clone(), ..*subject })
+}
+
+/// How much given views disagree.
+struct Given {
+    /// What is not due to samples, and that part of the masks.
+    beyond_samples: Disagreement,
+    by_samples: f64,
+}
+
+/// How much the views of an object disagree with the cameras that it has; `None` without a hull.
+fn measured(subject: &Subject, work: &mut Work) -> Result<Option<Given>> {
+    let Some((mut before, silhouette)) = disagreement(subject, &subject.views, work.renderer)? else { return Ok(None) };
+    work.goes_on()?;
+    // The silhouettes of a hull agree. Their part that its own hull leaves open is due to samples, as where the object is thin.
+    let of_hull = Views { cameras: subject.views.cameras.clone(), silhouette: Some(silhouette), ..Views::default() };
+    let by_samples = disagreement(subject, &of_hull, work.renderer)?.map_or(0.0, |(of_hull, _)| of_hull.masks);
+    before.masks -= by_samples;
+    Ok(Some(Given { beyond_samples: before, by_samples }))
+}
+
+/// Cameras that were refined.
+struct Refined {
+    /// How much their views still disagree.
+    left: Disagreement,
+    cameras: Vec<Camera>,
+    /// How far they move the object's rim, pixels.
+    moved: f64,
+}
+
+/// Refines the cameras of an object, which keeps its own; `None` where no hull is left.
+fn attempt(subject: &mut Subject, stages: &[Stage], given: &Given, work: &mut Work) -> Result<Option<Refined>> {
+    let cameras = subject.views.cameras.clone();
+    let mut motions = Motions::new(&cameras, subject.bounds, subject.pixel);
+    for stage in stages {
+        if !stage.refine(&mut motions, subject, given.beyond_samples.masks.max(AGREED), work)? {
+            return Ok(None);
+        }
+    }
+    subject.views.cameras = motions.cameras(&cameras)?;
+    let after = disagreement(subject, &subject.views, work.renderer);
+    let cameras = std::mem::replace(&mut subject.views.cameras, cameras);
+    Ok(after?.map(|(mut left, _)| {
+        left.masks -= given.by_samples;
+        Refined { left, cameras, moved: motions.mean() }
+    }))
 }
 
 impl Stage {

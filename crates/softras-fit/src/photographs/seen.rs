@@ -6,6 +6,7 @@ use crate::{
     solid::hull::{between, depth_at, sample},
 };
 use glam::DVec3;
+use rayon::prelude::*;
 use softras::{
     Image, Mesh, Renderer, Result, Scene, Settings, parts,
     scene::{Appearance, Camera, Outputs},
@@ -109,7 +110,7 @@ impl<'a> Seen<'a> {
     /// The mesh with the colours that some views show of its vertices.
     pub fn painted(&self, mesh: Mesh, some: &[usize]) -> Result<Mesh> {
         let Appearance::VertexColors(colors) = mesh.appearance() else { return Ok(mesh) };
-        let surface = points(&mesh).into_iter().zip(normals(&mesh)).zip(colors);
+        let surface = points(&mesh).into_par_iter().zip(normals(&mesh)).zip(colors);
         let one = |((point, normal), color): ((DVec3, DVec3), &[f32; 3])| {
             self.color(some, point, normal).map_or(*color, |shown| shown.as_vec3().to_array())
         };
@@ -123,7 +124,7 @@ impl<'a> Seen<'a> {
         let Appearance::VertexColors(colors) = mesh.appearance() else { return Ok(mesh) };
         let (topology, mut colors) = (Topology::of(&mesh)?, doubles(colors));
         let is_seen = |(point, normal)| some.iter().any(|view| self.0[*view].place(point, normal).is_some());
-        let seen: Vec<bool> = points(&mesh).into_iter().zip(normals(&mesh)).map(is_seen).collect();
+        let seen: Vec<bool> = points(&mesh).into_par_iter().zip(normals(&mesh)).map(is_seen).collect();
         let mut known = seen.clone();
         for _ in 0..ROUNDS {
             let (before, reached) = (colors.clone(), known.clone());

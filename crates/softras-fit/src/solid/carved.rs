@@ -5,13 +5,14 @@
 //! a film of triangles over a hole disappears, and parts that overlap become one. Where the old mesh leaves out a part, only the
 //! hull's samples count.
 
-use super::hull::{MOST_ENLARGED, View, far, hull, mend, views};
+use super::hull::{View, far, mend, samples, views};
 use super::voxel::Voxels;
 use crate::bad;
 use crate::mesh::regions::pixels_around;
 use crate::mesh::remesh::nearest;
 use crate::mesh::remesh::nearest::Nearest;
 use glam::DVec3;
+use rayon::prelude::*;
 use softras::{
     Image, Result,
     scene::{Appearance, Mesh},
@@ -36,10 +37,13 @@ pub fn carved(
     side: f64,
     resolution: usize,
 ) -> Result<Mesh> {
-    let views = views(of, MOST_ENLARGED)?;
+    cut_to(samples(of, center, side, resolution)?, of, mesh, missing)
+}
+
+/// As [`carved`], from the samples of the views' hull.
+pub(crate) fn cut_to(mut grid: Samples, of: &Views, mesh: &Mesh, missing: Option<&Image>) -> Result<Mesh> {
     let old = nearest(mesh)?;
-    let mut grid = hull(&views, center, side, resolution, 0.0)?;
-    let added = missing.map(|missing| added(of, missing, &views, &grid)).transpose()?;
+    let added = missing.map(|missing| added(of, missing, &grid)).transpose()?;
     cut(&mut grid, mesh, &old)?;
     let both = grid.values.iter_mut().zip(added.into_iter().flatten());
     both.for_each(|(value, added)| *value = value.max(added));
@@ -52,7 +56,7 @@ pub fn carved(
 
 /// The hull's samples that a marked pixel or one beside it shows; all others are outside. The marks may be one pixel wider than
 /// a part, since at least one pixel of background, where the hull has nothing, lies between a silhouette's parts.
-fn added(of: &Views, missing: &Image, views: &[View], hull: &Samples) -> Result<Vec<f32>> {
+fn added(of: &Views, missing: &Image, hull: &Samples) -> Result<Vec<f32>> {
     let size = |image: &Image| (image.batch, image.height, image.width, image.channels);
     if of.silhouette.as_ref().map(size) != Some(size(missing)) {
         return bad(format!("marks of size {:?}", size(missing)), "give one for each pixel of the silhouettes");
@@ -61,13 +65,14 @@ fn added(of: &Views, missing: &Image, views: &[View], hull: &Samples) -> Result<
     let is_marked = |view: usize, (column, row): (usize, usize)| {
         pixels_around(row * size.1 + column, size, true).any(|pixel| missing.view(view)[pixel] > 0.5)
     };
-    let marked: Vec<usize> = (0..views.len()).filter(|&v| missing.view(v).iter().any(|x| *x > 0.5)).collect();
+    let marked: Vec<usize> = (0..missing.batch).filter(|&v| missing.view(v).iter().any(|x| *x > 0.5)).collect();
+    let views = views(&of.some(&marked), 1)?;
     let one = |(i, &value): (usize, &f32)| {
         let point = hull.position(i);
-        let shown = |&view: &usize| views[view].pixel(point).is_some_and(|pixel| is_marked(view, pixel));
-        if value > -far(hull) && marked.iter().any(shown) { value } else { -far(hull) }
+        let shown = |(&view, of): (&usize, &View)| of.pixel(point).is_some_and(|pixel| is_marked(view, pixel));
+        if value > -far(hull) && marked.iter().zip(&views).any(shown) { value } else { -far(hull) }
     };
-    Ok(hull.values.iter().enumerate().map(one).collect())
+    Ok(hull.values.par_iter().enumerate().map(one).collect())
 }
 
 /// Lowers each sample to its signed distance from a mesh's surface.
@@ -76,15 +81,17 @@ fn cut(grid: &mut Samples, mesh: &Mesh, surface: &Nearest) -> Result<()> {
     let low = grid.low - 0.5 * grid.step;
     let solid = Voxels::new(mesh, low.to_array(), grid.resolution as f64 * grid.step, grid.resolution)?;
     let far = far(grid);
-    for (i, inside) in solid.inside().iter().enumerate() {
+    let mut values = std::mem::take(&mut grid.values);
+    values.par_iter_mut().zip(solid.inside()).enumerate().for_each(|(i, (value, inside))| {
         // Samples far outside of the hull, which are many, stay as they are.
-        if grid.values[i] > -far {
+        if *value > -far {
             let point = grid.position(i);
             let found = surface.find(point, DVec3::ZERO, f64::from(far));
             let distance = found.map_or(far, |found| found.point.distance(point) as f32);
-            grid.values[i] = grid.values[i].min(if *inside { distance } else { -distance });
+            *value = value.min(if *inside { distance } else { -distance });
         }
-    }
+    });
+    grid.values = values;
     Ok(())
 }
 
@@ -95,7 +102,7 @@ fn colored(new: Mesh, old: &Mesh, surface: &Nearest) -> Result<Mesh> {
         found.and_then(|found| found.color).unwrap_or_default().as_vec3().to_array()
     };
     let appearance = match old.appearance() {
-        Appearance::VertexColors(_) => Appearance::VertexColors(new.positions().iter().map(color).collect()),
+        Appearance::VertexColors(_) => Appearance::VertexColors(new.positions().par_iter().map(color).collect()),
         other => other.clone(),
     };
     new.with_appearance(appearance)

@@ -11,6 +11,7 @@ use crate::mesh::regions::{is_border, regions};
 use crate::optimize::shape::{known, masked};
 use crate::optimize::soft_target::signed_distance;
 use glam::DVec3;
+use rayon::prelude::*;
 use softras::{
     Image, Result,
     scene::{Camera, Mesh, Projection},
@@ -39,7 +40,16 @@ pub(crate) const MOST_ENLARGED: usize = 4;
 /// an inside, silhouettes whose cameras have no point in common; for a camera of [`Projection::Official`] or
 /// [`Projection::Screen`]; and for a cube or a resolution out of range.
 pub fn visual_hull(of: &Views, center: [f64; 3], side: f64, resolution: usize) -> Result<Mesh> {
-    let mut grid = hull(&views(of, MOST_ENLARGED)?, center, side, resolution, 0.0)?;
+    meshed(samples(of, center, side, resolution)?, of)
+}
+
+/// The samples of the visual hull.
+pub(crate) fn samples(of: &Views, center: [f64; 3], side: f64, resolution: usize) -> Result<Samples> {
+    hull(&views(of, MOST_ENLARGED)?, center, side, resolution, 0.0)
+}
+
+/// The visual hull as a mesh, of its samples.
+pub(crate) fn meshed(mut grid: Samples, of: &Views) -> Result<Mesh> {
     if of.depth.is_some() {
         mend(&mut grid);
     }
@@ -94,6 +104,8 @@ pub(crate) struct View {
     is_cut: bool,
     /// The depths of the surface, 0 where they are not known.
     depths: Option<Image>,
+    /// The most that the distance changes by as a point within the outline moves, by the length of its way. Infinite where it jumps.
+    steepest: f64,
 }
 
 /// The views of all targets, their silhouettes enlarged `times` times at most.
@@ -120,9 +132,30 @@ pub(crate) fn views(targets: &Views, times: usize) -> Result<Vec<View>> {
             Some([fx, fy, cx, cy]) => Camera::from_affine(camera.matrix(), Projection::Pinhole { fx, fy, cx, cy })?,
             None => *camera,
         };
-        Ok(View { camera, distance, height: picture.height as f64, is_cut: is_cut(&picture), depths })
+        let (height, is_cut) = (picture.height as f64, is_cut(&picture));
+        let jumps = is_cut || depths.is_some();
+        let steepest = if jumps { f64::INFINITY } else { steepest(&camera, picture.width as f64, height) };
+        Ok(View { camera, distance, height, is_cut, depths, steepest })
     };
-    targets.cameras.iter().enumerate().map(view).collect()
+    // All are looked at before the first error is taken, so that it is the same each time.
+    let views: Vec<Result<View>> = targets.cameras.par_iter().enumerate().map(view).collect();
+    views.into_iter().collect()
+}
+
+/// The most that the distance from an outline changes by, in world units, as a point that is seen within a picture moves by one.
+///
+/// In pixels the distance from an outline changes by at most 1 a pixel, and between pixels by √2, as it is interpolated along both
+/// axes. A point at an angle a to the optical axis moves by at most 1 / cos a of its pixels. Its pixels grow with its depth, and
+/// no distance is longer than half of the picture.
+fn steepest(camera: &Camera, width: f64, height: f64) -> f64 {
+    match *camera.projection() {
+        Projection::Pinhole { fx, fy, cx, cy } => {
+            let tangent = (cx.abs().max((width - cx).abs()) / fx).hypot(cy.abs().max((height - cy).abs()) / fy);
+            2f64.sqrt() * (1.0 + tangent * tangent).sqrt() + 0.5 * width.max(height) / fx.max(fy)
+        }
+        Projection::Orthographic { .. } => 2f64.sqrt(),
+        _ => f64::INFINITY,
+    }
 }
 
 /// Whether a silhouette reaches the border of its picture.
@@ -166,14 +199,17 @@ pub(crate) fn sample(image: &Image, view: usize, channel: usize, column: f64, ro
 }
 
 /// Interpolates between the pixels of a picture, whose values are asked for by row and column, as [`sample`].
+#[inline]
 pub(crate) fn between(
     (width, height): (usize, usize),
     (column, row): (f64, f64),
     at: impl Fn(usize, usize) -> f64,
 ) -> f64 {
+    // In place of `x.fract()`, which calls a function on processors without an instruction for it.
     let near = |x: f64, count: usize| {
         let x = (x - 0.5).clamp(0.0, (count - 1) as f64);
-        (x as usize, (x as usize + 1).min(count - 1), x.fract())
+        let first = x as usize;
+        (first, (first + 1).min(count - 1), x - first as f64)
     };
     let (left, right, along) = near(column, width);
     let (top, bottom, down) = near(row, height);
@@ -235,20 +271,36 @@ struct Place {
 }
 
 /// Sets each sample to the least of the views' distances and the slack.
-fn carve(grid: &mut Samples, views: &[View], slack: f64, distance: impl Fn(&View, DVec3) -> Option<f64>) {
+fn carve(grid: &mut Samples, views: &[View], slack: f64, distance: impl Fn(&View, DVec3) -> Option<f64> + Sync) {
     // Distances beyond some samples do not matter, and what no picture shows is outside.
     let far = far(grid);
-    for i in 0..grid.values.len() {
-        let point = grid.position(i);
-        let mut value = f32::MAX;
-        for distance in views.iter().filter_map(|view| distance(view, point)) {
-            value = value.min((distance + slack) as f32);
-            if value < -far {
-                break;
+    let mut values = std::mem::take(&mut grid.values);
+    values.par_chunks_mut(grid.resolution).enumerate().for_each(|(row, values)| {
+        // The view that shows a sample to be far outside mostly shows so of the next one, which then needs no other view. And a view
+        // that shows one deep inside does so for those that are near: until which column.
+        let (mut last, mut deep) = (0, vec![0; views.len()]);
+        for (column, value) in values.iter_mut().enumerate() {
+            let point = grid.position(row * grid.resolution + column);
+            let mut least = f32::MAX;
+            for view in std::iter::once(last).chain((0..views.len()).filter(|view| *view != last)) {
+                if column < deep[view] {
+                    least = least.min(far);
+                    continue;
+                }
+                let Some(distance) = distance(&views[view], point) else { continue };
+                // Until there the distance is above 0, so that the point is seen within the picture, and with the slack above `far`.
+                let room = distance.min(distance + slack - f64::from(far));
+                deep[view] = column + 1 + (room / (1.001 * views[view].steepest * grid.step)) as usize;
+                least = least.min((distance + slack) as f32);
+                if least < -far {
+                    last = view;
+                    break;
+                }
             }
+            *value = if least == f32::MAX { -far } else { least.clamp(-far, far) };
         }
-        grid.values[i] = if value == f32::MAX { -far } else { value.clamp(-far, far) };
-    }
+    });
+    grid.values = values;
 }
 
 /// The most that a sample is; its opposite is the least.
@@ -304,6 +356,7 @@ fn blur(grid: &mut Samples, axis: usize) {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
 
@@ -330,5 +383,48 @@ mod tests {
         let tunnel = samples.values.clone();
         mend(&mut samples);
         assert_eq!(samples.values, tunnel);
+    }
+
+    #[test]
+    fn views_that_are_not_asked_change_nothing() {
+        // Discs and bars before cameras that are near, and one that sees no perspective.
+        const SIDE: usize = 48;
+        let inside = |i: usize, row: f64, column: f64| match i % 3 {
+            0 => (row - 22.0).hypot(column - 25.0) < 18.0,
+            1 => (row - 24.0).abs() < 9.0 || (column - 20.0).abs() < 5.0 && row > 6.0,
+            _ => (row - 26.0).hypot(column - 24.0) < 17.0 && (row - 26.0).hypot(column - 24.0) > 4.0,
+        };
+        let cameras: Vec<Camera> = (0..7)
+            .map(|i| {
+                let (angle, up) = (0.9 * i as f64, 0.6 * (2.0 * i as f64).sin());
+                let eye = DVec3::new(angle.cos(), up, angle.sin()) * 1.6;
+                let lens = Projection::Pinhole { fx: 40.0, fy: 44.0, cx: 23.0, cy: 26.0 };
+                let lens = if i == 6 { Projection::Orthographic { half_height: 0.8 } } else { lens };
+                Camera::look_at(eye, DVec3::ZERO, DVec3::Y, lens).unwrap()
+            })
+            .collect();
+        let data = (0..cameras.len() * SIDE * SIDE).map(|at| {
+            let (i, at) = (at / (SIDE * SIDE), at % (SIDE * SIDE));
+            let (row, column) = (at / SIDE, at % SIDE);
+            // One of them reaches the border.
+            let is_near = (i == 4 || !is_border(at, (SIDE, SIDE))) && inside(i, row as f64, column as f64);
+            f32::from(u8::from(is_near))
+        });
+        let data = data.collect();
+        let silhouette = Some(Image { batch: cameras.len(), height: SIDE, width: SIDE, channels: 1, data });
+        let mut all = views(&Views { cameras, silhouette, ..Views::default() }, 4).unwrap();
+        assert_eq!(all.iter().filter(|view| view.steepest.is_infinite()).count(), 1);
+        for slack in [0.0, 0.02, 0.2] {
+            let mut some = Samples::new(DVec3::splat(-0.7), 1.4, 56);
+            let mut whole = some.clone();
+            carve(&mut some, &all, slack, View::distance);
+            let steepest: Vec<f64> = all.iter().map(|view| view.steepest).collect();
+            all.iter_mut().for_each(|view| view.steepest = f64::INFINITY);
+            carve(&mut whole, &all, slack, View::distance);
+            all.iter_mut().zip(steepest).for_each(|(view, steepest)| view.steepest = steepest);
+            assert_eq!(some.values, whole.values);
+            let deep = whole.values.iter().filter(|value| **value >= far(&whole)).count();
+            assert!(deep > 500, "{deep}");
+        }
     }
 }
