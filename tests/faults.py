@@ -27,7 +27,7 @@ PAIR, PIXELS = "glsl/common/pair_gradient.glsl", "glsl/common/pair.glsl"
 ROWS = "glsl/common/item_pixels.glsl"
 
 # Each fault: what is broken, the file, the text, its replacement, and the tests that should see it. These are a module of
-# `cargo test --test quick`. With `unit ` before it, it is one of the library's unit tests, with `fit `, `io `, `check `, `cli `
+# `cargo test --test quick`. With `unit ` or `fit-unit ` before it, it is a unit test of the library or of softras-fit, with `fit `, `io `, `check `, `cli `
 # or `view ` one of that package's tests. With `full ` it needs the full tier's sizes to see the fault, with `layers ` the validation layers.
 FAULTS = [
     ("features before a composite background", "glsl/common/features.glsl", "float blend = COMPOSITE ? alpha_of(p, triangle_count) : 1.0;",
@@ -73,7 +73,7 @@ FAULTS = [
      "2 => toward(topology.neighbors(v), 1.0 / 8.0),", ["fit subdivision::a_boundary"]),
     ("weights of a vertex as if six met everywhere", "crates/softras-fit/src/mesh/subdivision.rs", "n => 3.0 / (8.0 * n as f64),",
      "_ => 1.0 / 16.0,", ["fit subdivision::the_weights"]),
-    ("a cut that leaves the film over a hole", "crates/softras-fit/src/solid/carved.rs", "grid.values[i].min(if *inside", "(grid.values[i] + far).min(if *inside",
+    ("a cut that leaves the film over a hole", "crates/softras-fit/src/solid/carved.rs", "value.min(if *inside", "(grid.values[i] + far).min(if *inside",
      ["fit carved::a_covered_hole"]),
     ("overlaps that are not counted", "crates/softras-fit/src/solid/voxel.rs", "wrong += usize::from(total == 0 && before != 0 && before != -1);",
      "wrong += usize::from(total == 0 && before > 0);", ["fit carved::parts_that_overlap"]),
@@ -226,9 +226,13 @@ FAULTS = [
      "views.len() == self.cameras.len()", ["io views::some_views"]),
     ("fit: views held out are not numbered anew", "crates/softras-fit/src/photographs/subject.rs", "self.held_out.contains(&views[*at])",
      "self.held_out.contains(at)", ["fit doubt::a_wrong_view"]),
-    ("fit: few views to the end", "crates/softras-fit/src/fit/setup.rs", "steps_of(FEW_UNTIL, iterations)\n", "iterations\n",
+    ("fit: few views to the end", "crates/softras-fit/src/fit/setup.rs", "steps_of(FEW_UNTIL, iterations),", "iterations,",
      ["fit run::large_steps"]),
-    ("fit: few of too few views", "crates/softras-fit/src/fit/setup.rs", "len() >= 2 * FEW", "len() >= FEW", ["fit run::large_steps"]),
+    ("fit: few of too few views", "crates/softras-fit/src/fit/setup.rs", "views >= 2 * FEW", "views >= FEW", ["fit run::large_steps"]),
+    ("fit: all of very many views in the last steps", "crates/softras-fit/src/fit/setup.rs", "views > 2 * MANY", "views > 9 * MANY",
+     ["fit-unit fit::setup"]),
+    ("hull: views that are not asked though they tell", "crates/softras-fit/src/solid/hull.rs", "1.001 * views[view].steepest", "0.4 * views[view].steepest",
+     ["fit-unit solid::hull::tests::views"]),
     ("views: rows are kept a pixel short", "crates/softras-io/src/views/kept.rs", "|last| last + 1", "|last| last",
      ["io views::pictures_are_cropped"]),
     ("a next plan with no more room", "src/embed/pass/builder.rs", "self.builder().capacity(capacity).build()",
@@ -289,7 +293,7 @@ FAULTS = [
      "!buffer.offset().is_multiple_of(alignment.min(1))", ["embed::alignment::"]),
     ("hull: half of the tetrahedra turned over", "src/shapes/level_set.rs", "if path < 3 { [first, second] } else { [second, first] }",
      "[first, second]", ["fit hull::"]),
-    ("hull: the last picture alone", "crates/softras-fit/src/solid/hull.rs", "value = value.min((distance + slack) as f32);", "value = (distance + slack) as f32;",
+    ("hull: the last picture alone", "crates/softras-fit/src/solid/hull.rs", "least = least.min((distance + slack) as f32);", "least = (distance + slack) as f32;",
      ["fit hull::"]),
     ("depths: the outline not pulled", "crates/softras-fit/src/optimize/shape/compare.rs", "*g *= -means[i / samples]", "*g *= 0.0 * means[i / samples]",
      ["fit surface::"]),
@@ -426,7 +430,8 @@ def cargo(test, arguments):
     words = test.split()
     tier = {"full": {"SOFTRAS_TIER": "full"}, "layers": {"SOFTRAS_VALIDATION": "1"}}.get(words[0], {})
     programs = {name: ["-p", f"softras-{name}", "--test", name] for name in ("fit", "io", "check", "cli")}
-    programs |= {"unit": ["-p", "softras", "--lib"], "view": ["-p", "softras-view", "--lib"]}
+    programs |= {"unit": ["-p", "softras", "--lib"], "fit-unit": ["-p", "softras-fit", "--lib"]}
+    programs["view"] = ["-p", "softras-view", "--lib"]
     program = programs.get(words[-2] if words[1:] else "", ["-p", "softras", "--test", "quick"])
     return ["cargo", "test", "-q", *program, *arguments], words[-1], tier
 

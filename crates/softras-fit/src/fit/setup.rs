@@ -211,3 +211,18 @@ fn shape_options(given: &FitOptions, official: bool, begin: &Begin, subject: &Su
     (options.fit_colors, options.fit_positions) = (given.is_colored() && !begin.one_color, !given.keeps_shape());
     options
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_step_compares_more_than_48_of_very_many_views() {
+        let of = |asked: usize, is_hull: bool, views: usize| {
+            views_per_step(&FitOptions { views_per_step: asked, ..FitOptions::default() }, is_hull, views)
+        };
+        assert_eq!([23, 24, 96, 97].map(|views| of(0, true, views)), [[0, 0], [12, 0], [12, 0], [12, 48]]);
+        // A sphere is far from the views, and a user knows what is asked for.
+        assert_eq!([of(0, false, 97), of(7, true, 97)], [[0, 0], [7, 7]]);
+    }
+}
