@@ -119,15 +119,15 @@ pub fn refined(subject: &mut Subject, is_narrowed: bool, work: &mut Work) -> Res
         return Ok(());
     }
     let trial = attempt(some.as_mut().unwrap_or(subject), &TRIAL, &given, work)?;
-    let is_promising = trial.as_ref().is_some_and(|trial| trial.left.is_promising(&given.beyond_samples));
-    let mut found = trial.filter(|trial| some.is_none() && trial.left.is_better(&given.beyond_samples, is_narrowed));
-    if is_promising {
+    let mut found = None;
+    if trial.is_some_and(|trial| trial.left.is_promising(&given.beyond_samples)) {
         if some.is_some() {
             let Some(of_all) = measured(subject, work)? else { return Ok(()) };
             given = of_all;
         }
+        // A trial alone may agree better by chance, as it does for six views whose cameras are right.
         let whole = attempt(subject, &STAGES, &given, work)?;
-        found = whole.filter(|whole| whole.left.is_better(&given.beyond_samples, is_narrowed)).or(found);
+        found = whole.filter(|whole| whole.left.is_better(&given.beyond_samples, is_narrowed));
     }
     let before = given.beyond_samples;
     let Some(Refined { left: best, cameras, moved }) = found else {
