@@ -233,6 +233,8 @@ FAULTS = [
      ["fit-unit fit::setup"]),
     ("hull: views that are not asked though they tell", "crates/softras-fit/src/solid/hull.rs", "1.001 * views[view].steepest", "0.4 * views[view].steepest",
      ["fit-unit solid::hull::tests::views"]),
+    ("hull: a view in another unit is asked too seldom", "crates/softras-fit/src/solid/hull.rs", "of_view * stretch", "of_view",
+     ["fit-unit solid::hull::tests::views"]),
     ("views: rows are kept a pixel short", "crates/softras-io/src/views/kept.rs", "|last| last + 1", "|last| last",
      ["io views::pictures_are_cropped"]),
     ("a next plan with no more room", "src/embed/pass/builder.rs", "self.builder().capacity(capacity).build()",

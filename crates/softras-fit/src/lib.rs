@@ -35,6 +35,7 @@
 //! # }
 //! ```
 
+mod cores;
 mod fit;
 mod mesh;
 mod optimize;
@@ -44,6 +45,7 @@ mod report;
 mod solid;
 mod work;
 
+pub use cores::on_all_cores;
 pub use fit::options::{FitOptions, Preset, Template};
 pub use fit::paint::Painted;
 pub use fit::scores::Scores;

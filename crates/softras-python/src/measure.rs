@@ -10,7 +10,7 @@ use pyo3::prelude::*;
 use softras::glam::DVec3;
 use softras::{Scene, Settings};
 use softras_check::check::{Case, cases, compare};
-use softras_fit::{Regularizer, Topology, Voxels};
+use softras_fit::{Regularizer, Topology, Voxels, on_all_cores};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -87,7 +87,7 @@ type Checked = (&'static str, [Option<f64>; 4], [Option<f64>; 8], bool, bool);
 pub fn check(py: Python<'_>, renderer: &Renderer) -> PyResult<Vec<Checked>> {
     let one = |case: Case| {
         py.check_signals()?;
-        let found = renderer.shared.call(py, |renderer| compare(renderer, &case))?;
+        let found = renderer.shared.call(py, |renderer| on_all_cores(|| compare(renderer, &case)))?;
         let passes = found.pass(case.gradient_tolerance);
         Ok((case.name, found.images, found.gradients, found.repeats, passes))
     };

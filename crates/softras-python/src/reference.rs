@@ -11,6 +11,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use softras::scene::Appearance;
 use softras::{Lights, Mesh};
+use softras_fit::on_all_cores;
 use softras_reference::render_at;
 use softras_reference::{Parameters, Upstream};
 
@@ -90,7 +91,7 @@ pub fn reference_render<'py>(
     let inputs = Inputs::new(meshes, cameras, settings, lights)?;
     let at = parameters(&inputs, positions, colors)?;
     let Inputs { scene, cameras, settings } = &inputs;
-    let frame = py.detach(|| render_at(scene, cameras, settings, &at)).raise()?;
+    let frame = py.detach(|| on_all_cores(|| render_at(scene, cameras, settings, &at))).raise()?;
     let images = PyDict::new(py);
     let sides = [frame.batch, frame.height, frame.width];
     let all = [frame.color, frame.silhouette, frame.depth, frame.normal];
@@ -112,7 +113,8 @@ pub fn strongest<'py>(
     count: usize,
 ) -> PyResult<Bound<'py, PyAny>> {
     let Inputs { scene, cameras, settings } = Inputs::new(meshes, cameras, settings, None)?;
-    let found = py.detach(|| softras_reference::strongest(&scene, &cameras, &settings, count)).raise()?;
+    let found =
+        py.detach(|| on_all_cores(|| softras_reference::strongest(&scene, &cameras, &settings, count))).raise()?;
     let numbers = found.into_iter().map(|triangle| triangle.map_or(-1, |triangle| triangle as i32)).collect();
     let shape = [cameras.len(), settings.height as usize, settings.width as usize, count];
     Ok(PyArray1::<i32>::from_vec(py, numbers).reshape(shape)?.into_any())
@@ -194,7 +196,9 @@ pub fn reference_gradient<'py>(
     let upstream = Upstream { d_color, d_silhouette, d_depth, d_normal };
     let mode = gradient_mode(mode)?;
     let Inputs { scene, cameras, settings } = &inputs;
-    let found = py.detach(|| softras_reference::gradient(scene, cameras, settings, &upstream, mode)).raise()?;
+    let found = py
+        .detach(|| on_all_cores(|| softras_reference::gradient(scene, cameras, settings, &upstream, mode)))
+        .raise()?;
     let one = |(i, mesh)| Py::new(py, mesh_gradients(py, &found, i, mesh)?);
     let meshes = scene.meshes.iter().enumerate().map(one).collect::<PyResult<_>>()?;
     let twist = |view| <[f64; 6]>::try_from(found.twist(view)).unwrap_or_default();

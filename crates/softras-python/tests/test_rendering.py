@@ -451,6 +451,29 @@ os.wait()
     assert result.stdout.split() == ["True", "True"], result.stdout + result.stderr
 
 
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="this system has no fork")
+def test_a_process_that_was_forked_fits_as_its_parent_did():
+    code = """
+import os, softras
+mesh = softras.shapes.torus()
+cameras = [softras.Camera.from_angles(3, 20, 40 * i, fov_y=0.8) for i in range(9)]
+settings = softras.Settings(width=32, height=32, sigma=1e-6, background="composite").with_depths_of(mesh, cameras)
+def task():
+    seen = softras.render(mesh, cameras, settings)
+    views = softras.Views(cameras, silhouette=seen.silhouette, color=seen.color)
+    exact = softras.reference.render(mesh, cameras[:1], settings)
+    checks = [check.passes for check in softras.check()]
+    return softras.fit(views, color=True, steps=2).mesh.positions.tobytes(), exact["color"].tobytes(), checks
+expected = task()
+if os.fork() == 0:
+    print(task() == expected, flush=True)
+    os._exit(0)
+os.wait()
+"""
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
+    assert result.stdout.split() == ["True"], result.stdout + result.stderr
+
+
 def test_settings_help_themselves(bumpy, cameras):
     settings = softras.Settings(height=128).with_blur_pixels(4.0)
     assert abs(settings.blur_pixels() - 4.0) < 1e-9

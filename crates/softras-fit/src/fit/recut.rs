@@ -160,7 +160,8 @@ impl Fitting {
         Ok((None, why))
     }
 
-    /// The loss of a fit after the steps of a trial: the mean over the last steps that together compare all views once.
+    /// The loss of a fit after the steps of a trial: the mean over the last steps that together compare all views once, or of very many
+    /// views some of them.
     fn tried(&self, mut fit: ShapeFit, trial: &Range<usize>, work: &mut Work) -> Result<f64> {
         let (setup, turn) = (&self.setup, self.run.turn().min(MOST_TRIED));
         let mut losses = Vec::new();

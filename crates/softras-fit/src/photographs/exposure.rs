@@ -7,7 +7,7 @@ use super::{
     seen::{Seen, normals},
     subject::Subject,
 };
-use crate::{points, work::Work};
+use crate::{on_all_cores, points, work::Work};
 use glam::DVec3;
 use rayon::prelude::*;
 use softras::{Image, Mesh, Renderer, Result, Settings};
@@ -94,7 +94,7 @@ fn sights(views: &Views, mesh: &Mesh, settings: &Settings, renderer: &mut Render
         };
         (0..views.cameras.len()).filter_map(log).collect::<Vec<Sight>>()
     };
-    let sights: Vec<Vec<Sight>> = some.par_iter().enumerate().map(of_point).collect();
+    let sights: Vec<Vec<Sight>> = on_all_cores(|| some.par_iter().enumerate().map(of_point).collect());
     // One view alone always agrees with itself.
     Ok(sights.into_iter().filter(|of_point| of_point.len() > 1).flatten().collect())
 }

@@ -378,3 +378,34 @@ impl Motions {
         (squares / (self.values.len() / 6).max(1) as f64).sqrt()
     }
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+    use softras::Projection;
+
+    #[test]
+    fn a_trial_of_many_views_takes_some_from_all_around() {
+        let subject = |count: usize| {
+            let camera = |i: usize| {
+                let angle = std::f64::consts::TAU * i as f64 / count as f64;
+                let eye = DVec3::new(4.0 * angle.cos(), 1.0, 4.0 * angle.sin());
+                Camera::look_at(eye, DVec3::ZERO, DVec3::Y, Projection::Perspective { fov_y: 0.6 }).unwrap()
+            };
+            // The picture of a view tells which it is.
+            let data = (0..count).flat_map(|i| [i as f32 / count as f32; 4]).collect();
+            let silhouette = Some(Image { batch: count, height: 2, width: 2, channels: 1, data });
+            let views = Views { cameras: (0..count).map(camera).collect(), silhouette, ..Views::default() };
+            Subject::of(views).unwrap()
+        };
+        assert!(spread(&subject(MOST_TRIED)).is_none());
+        let (all, some) = (subject(100), spread(&subject(100)).unwrap());
+        let shown = some.views.silhouette.unwrap();
+        let numbers: Vec<usize> = (0..MOST_TRIED).map(|i| (shown.view(i)[0] * 100.0).round() as usize).collect();
+        assert!(numbers[0] == 0 && numbers.windows(2).all(|pair| (2..=3).contains(&(pair[1] - pair[0]))));
+        assert!(numbers[MOST_TRIED - 1] >= 97, "{numbers:?}");
+        assert!(numbers.iter().zip(&some.views.cameras).all(|(&i, camera)| *camera == all.views.cameras[i]));
+        assert_eq!((some.bounds, some.pixel), (all.bounds, all.pixel));
+    }
+}

@@ -2,7 +2,7 @@
 
 use super::cameras;
 use crate::{
-    Topology, doubles, points, singles, sized,
+    Topology, doubles, on_all_cores, points, singles, sized,
     solid::hull::{between, depth_at, sample},
 };
 use glam::DVec3;
@@ -114,7 +114,7 @@ impl<'a> Seen<'a> {
         let one = |((point, normal), color): ((DVec3, DVec3), &[f32; 3])| {
             self.color(some, point, normal).map_or(*color, |shown| shown.as_vec3().to_array())
         };
-        let colors = surface.map(one).collect();
+        let colors = on_all_cores(|| surface.map(one).collect());
         mesh.with_appearance(Appearance::VertexColors(colors))
     }
 
@@ -124,7 +124,8 @@ impl<'a> Seen<'a> {
         let Appearance::VertexColors(colors) = mesh.appearance() else { return Ok(mesh) };
         let (topology, mut colors) = (Topology::of(&mesh)?, doubles(colors));
         let is_seen = |(point, normal)| some.iter().any(|view| self.0[*view].place(point, normal).is_some());
-        let seen: Vec<bool> = points(&mesh).into_par_iter().zip(normals(&mesh)).map(is_seen).collect();
+        let surface = points(&mesh).into_par_iter().zip(normals(&mesh));
+        let seen: Vec<bool> = on_all_cores(|| surface.map(is_seen).collect());
         let mut known = seen.clone();
         for _ in 0..ROUNDS {
             let (before, reached) = (colors.clone(), known.clone());

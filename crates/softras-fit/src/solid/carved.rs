@@ -5,9 +5,10 @@
 //! a film of triangles over a hole disappears, and parts that overlap become one. Where the old mesh leaves out a part, only the
 //! hull's samples count.
 
-use super::hull::{View, far, mend, samples, views};
+use super::hull::{far, mend, pixel_of, samples};
 use super::voxel::Voxels;
 use crate::bad;
+use crate::cores::on_all_cores;
 use crate::mesh::regions::pixels_around;
 use crate::mesh::remesh::nearest;
 use crate::mesh::remesh::nearest::Nearest;
@@ -66,13 +67,15 @@ fn added(of: &Views, missing: &Image, hull: &Samples) -> Result<Vec<f32>> {
         pixels_around(row * size.1 + column, size, true).any(|pixel| missing.view(view)[pixel] > 0.5)
     };
     let marked: Vec<usize> = (0..missing.batch).filter(|&v| missing.view(v).iter().any(|x| *x > 0.5)).collect();
-    let views = views(&of.some(&marked), 1)?;
     let one = |(i, &value): (usize, &f32)| {
         let point = hull.position(i);
-        let shown = |(&view, of): (&usize, &View)| of.pixel(point).is_some_and(|pixel| is_marked(view, pixel));
-        if value > -far(hull) && marked.iter().zip(&views).any(shown) { value } else { -far(hull) }
+        let shown = |&view: &usize| {
+            let pixel = pixel_of(&of.cameras[view], point, (missing.width as u32, missing.height as u32));
+            pixel.is_some_and(|pixel| is_marked(view, pixel))
+        };
+        if value > -far(hull) && marked.iter().any(shown) { value } else { -far(hull) }
     };
-    Ok(hull.values.par_iter().enumerate().map(one).collect())
+    Ok(on_all_cores(|| hull.values.par_iter().enumerate().map(one).collect()))
 }
 
 /// Lowers each sample to its signed distance from a mesh's surface.
@@ -82,7 +85,7 @@ fn cut(grid: &mut Samples, mesh: &Mesh, surface: &Nearest) -> Result<()> {
     let solid = Voxels::new(mesh, low.to_array(), grid.resolution as f64 * grid.step, grid.resolution)?;
     let far = far(grid);
     let mut values = std::mem::take(&mut grid.values);
-    values.par_iter_mut().zip(solid.inside()).enumerate().for_each(|(i, (value, inside))| {
+    let cut_one = |(i, (value, inside)): (usize, (&mut f32, &bool))| {
         // Samples far outside of the hull, which are many, stay as they are.
         if *value > -far {
             let point = grid.position(i);
@@ -90,7 +93,8 @@ fn cut(grid: &mut Samples, mesh: &Mesh, surface: &Nearest) -> Result<()> {
             let distance = found.map_or(far, |found| found.point.distance(point) as f32);
             *value = value.min(if *inside { distance } else { -distance });
         }
-    });
+    };
+    on_all_cores(|| values.par_iter_mut().zip(solid.inside()).enumerate().for_each(cut_one));
     grid.values = values;
     Ok(())
 }
@@ -102,7 +106,9 @@ fn colored(new: Mesh, old: &Mesh, surface: &Nearest) -> Result<Mesh> {
         found.and_then(|found| found.color).unwrap_or_default().as_vec3().to_array()
     };
     let appearance = match old.appearance() {
-        Appearance::VertexColors(_) => Appearance::VertexColors(new.positions().par_iter().map(color).collect()),
+        Appearance::VertexColors(_) => {
+            Appearance::VertexColors(on_all_cores(|| new.positions().par_iter().map(color).collect()))
+        }
         other => other.clone(),
     };
     new.with_appearance(appearance)

@@ -7,6 +7,7 @@
 //! at most p's depth less the picture's.
 
 use crate::bad;
+use crate::cores::on_all_cores;
 use crate::mesh::regions::{is_border, regions};
 use crate::optimize::shape::{known, masked};
 use crate::optimize::soft_target::signed_distance;
@@ -138,7 +139,7 @@ pub(crate) fn views(targets: &Views, times: usize) -> Result<Vec<View>> {
         Ok(View { camera, distance, height, is_cut, depths, steepest })
     };
     // All are looked at before the first error is taken, so that it is the same each time.
-    let views: Vec<Result<View>> = targets.cameras.par_iter().enumerate().map(view).collect();
+    let views: Vec<Result<View>> = on_all_cores(|| targets.cameras.par_iter().enumerate().map(view).collect());
     views.into_iter().collect()
 }
 
@@ -146,16 +147,20 @@ pub(crate) fn views(targets: &Views, times: usize) -> Result<Vec<View>> {
 ///
 /// In pixels the distance from an outline changes by at most 1 a pixel, and between pixels by √2, as it is interpolated along both
 /// axes. A point at an angle a to the optical axis moves by at most 1 / cos a of its pixels. Its pixels grow with its depth, and
-/// no distance is longer than half of the picture.
+/// no distance is longer than half of the picture. A matrix that is no rotation stretches ways by at most the root of the largest
+/// sum of products of its rows.
 fn steepest(camera: &Camera, width: f64, height: f64) -> f64 {
-    match *camera.projection() {
+    let axes = camera.axes();
+    let stretch = axes.map(|a| axes.map(|b| a.dot(b).abs()).iter().sum::<f64>()).into_iter().fold(0.0, f64::max).sqrt();
+    let of_view = match *camera.projection() {
         Projection::Pinhole { fx, fy, cx, cy } => {
             let tangent = (cx.abs().max((width - cx).abs()) / fx).hypot(cy.abs().max((height - cy).abs()) / fy);
             2f64.sqrt() * (1.0 + tangent * tangent).sqrt() + 0.5 * width.max(height) / fx.max(fy)
         }
         Projection::Orthographic { .. } => 2f64.sqrt(),
         _ => f64::INFINITY,
-    }
+    };
+    of_view * stretch
 }
 
 /// Whether a silhouette reaches the border of its picture.
@@ -217,6 +222,13 @@ pub(crate) fn between(
     mix(top) * (1.0 - down) + mix(bottom) * down
 }
 
+/// The column and the row of the pixel that a point is seen in; `None` behind the camera and beyond the picture.
+pub(crate) fn pixel_of(camera: &Camera, point: DVec3, size: (u32, u32)) -> Option<(usize, usize)> {
+    let [column, row, _] = camera.project(point, size)?;
+    let inside = column >= 0.0 && row >= 0.0 && column < f64::from(size.0) && row < f64::from(size.1);
+    inside.then_some((column as usize, row as usize))
+}
+
 impl View {
     /// The signed distance of a point from the silhouette's outline in world units; `None` behind the camera.
     pub(crate) fn outline_distance(&self, point: DVec3) -> Option<f64> {
@@ -235,13 +247,10 @@ impl View {
         Some(behind.min(place.unit * sample(&self.distance, 0, 0, place.column, place.row)))
     }
 
-    /// The column and the row of the pixel that a point is seen in; `None` behind the camera and beyond the picture.
+    /// As [`pixel_of`].
     pub(crate) fn pixel(&self, point: DVec3) -> Option<(usize, usize)> {
-        let Place { column, row, .. } = self.place(point)?;
-        let times = self.distance.height as f64 / self.height;
-        let (column, row) = (column / times, row / times);
-        let inside = column >= 0.0 && row >= 0.0 && row < self.height && column * times < self.distance.width as f64;
-        inside.then_some((column as usize, row as usize))
+        let width = self.height * self.distance.width as f64 / self.distance.height as f64;
+        pixel_of(&self.camera, point, (width as u32, self.height as u32))
     }
 
     /// Where a point is seen; `None` behind the camera, and beyond the border of a picture that cuts its silhouette.
@@ -275,7 +284,7 @@ fn carve(grid: &mut Samples, views: &[View], slack: f64, distance: impl Fn(&View
     // Distances beyond some samples do not matter, and what no picture shows is outside.
     let far = far(grid);
     let mut values = std::mem::take(&mut grid.values);
-    values.par_chunks_mut(grid.resolution).enumerate().for_each(|(row, values)| {
+    let carve_row = |(row, values): (usize, &mut [f32])| {
         // The view that shows a sample to be far outside mostly shows so of the next one, which then needs no other view. And a view
         // that shows one deep inside does so for those that are near: until which column.
         let (mut last, mut deep) = (0, vec![0; views.len()]);
@@ -299,7 +308,8 @@ fn carve(grid: &mut Samples, views: &[View], slack: f64, distance: impl Fn(&View
             }
             *value = if least == f32::MAX { -far } else { least.clamp(-far, far) };
         }
-    });
+    };
+    on_all_cores(|| values.par_chunks_mut(grid.resolution).enumerate().for_each(carve_row));
     grid.values = values;
 }
 
@@ -400,7 +410,11 @@ mod tests {
                 let eye = DVec3::new(angle.cos(), up, angle.sin()) * 1.6;
                 let lens = Projection::Pinhole { fx: 40.0, fy: 44.0, cx: 23.0, cy: 26.0 };
                 let lens = if i == 6 { Projection::Orthographic { half_height: 0.8 } } else { lens };
-                Camera::look_at(eye, DVec3::ZERO, DVec3::Y, lens).unwrap()
+                let camera = Camera::look_at(eye, DVec3::ZERO, DVec3::Y, lens).unwrap();
+                // A view in another unit than the world's, and sheared.
+                let stretch = glam::DMat3::from_cols_array(&[3.0, 0.0, 0.0, 0.4, 3.0, 0.0, 0.0, 0.0, 3.0]);
+                let stretch = glam::DMat4::from_mat3(if i == 5 { stretch } else { glam::DMat3::IDENTITY });
+                Camera::from_affine(stretch * camera.matrix(), lens).unwrap()
             })
             .collect();
         let data = (0..cameras.len() * SIDE * SIDE).map(|at| {

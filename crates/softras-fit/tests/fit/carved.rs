@@ -86,7 +86,9 @@ fn a_part_that_is_left_out_comes_as_the_hull_has_it() {
         marks.data.iter_mut().enumerate().filter(|(i, _)| i / pixels != view).for_each(|(_, x)| *x = 0.0);
         marks
     };
-    assert_eq!(genus(&carved(&targets, &left, None)), (1, Some(0)));
+    let alone = carved(&targets, &left, None);
+    assert_eq!(genus(&alone), (1, Some(0)));
+    assert_eq!(carved(&targets, &left, Some(&only(usize::MAX))), alone, "nothing is marked");
     let hull = softras_fit::visual_hull(&targets, [0.0; 3], 3.0, 64).unwrap();
     let found = carved(&targets, &left, Some(&only(0)));
     assert_eq!(genus(&found), (2, Some(0)));
