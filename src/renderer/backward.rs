@@ -1,5 +1,6 @@
 //! Backward of the simple API: from dL/dimages to the gradients by the scene, the cameras and the settings.
 
+use super::pixels;
 use super::shared::Shared;
 use super::slot::{Saved, Slot};
 use super::{Frame, Renderer, StageTime};
@@ -121,17 +122,10 @@ impl Slot {
     fn write_upstream(&mut self, upstream: &ImageGradient) -> Result<()> {
         let alpha = upstream.silhouette.as_ref();
         if let Some(color) = &upstream.color {
-            let pixels = color.data.as_chunks::<3>().0;
-            let mut bytes = self.buffers.bytes_mut(BufferId::UpstreamColor, 16 * pixels.len())?;
-            let texels: &mut [[f32; 4]] = bytemuck::cast_slice_mut(&mut bytes);
-            match alpha {
-                Some(alpha) => {
-                    for ((to, &[r, g, b]), &a) in texels.iter_mut().zip(pixels).zip(&alpha.data) {
-                        *to = [r, g, b, a];
-                    }
-                }
-                None => write_texels(texels, pixels),
-            }
+            let from = color.data.as_chunks::<3>().0;
+            let mut bytes = self.buffers.bytes_mut(BufferId::UpstreamColor, 16 * from.len())?;
+            let texels = bytemuck::cast_slice_mut(&mut bytes);
+            pixels::join(texels, from, alpha.map(|alpha| &alpha.data[..]));
         } else if let Some(alpha) = alpha {
             self.buffers.write(BufferId::UpstreamSilhouette, bytemuck::cast_slice(&alpha.data))?;
         }
@@ -149,9 +143,9 @@ impl Slot {
             }
         }
         if let Some(normal) = &upstream.normal {
-            let pixels = normal.data.as_chunks::<3>().0;
-            let mut bytes = self.buffers.bytes_mut(BufferId::UpstreamNormals, 16 * pixels.len())?;
-            write_texels(bytemuck::cast_slice_mut(&mut bytes), pixels);
+            let from = normal.data.as_chunks::<3>().0;
+            let mut bytes = self.buffers.bytes_mut(BufferId::UpstreamNormals, 16 * from.len())?;
+            pixels::join(bytemuck::cast_slice_mut(&mut bytes), from, None);
         }
         Ok(())
     }
@@ -204,12 +198,5 @@ impl Slot {
         })?;
         self.backward.recorded = Some((plan.clone(), bindings, timed));
         Ok(())
-    }
-}
-
-/// Writes three floats and a 0 for each pixel; kernels do not read the fourth.
-fn write_texels(texels: &mut [[f32; 4]], pixels: &[[f32; 3]]) {
-    for (to, &[x, y, z]) in texels.iter_mut().zip(pixels) {
-        *to = [x, y, z, 0.0];
     }
 }

@@ -1,5 +1,6 @@
 //! A rendered batch with its images, timings and counts.
 
+use super::pixels::{self, Spare};
 use crate::error::{Error, Result};
 use crate::frame::buffers::{BufferId, Contents};
 use crate::image::Image;
@@ -49,6 +50,8 @@ pub struct Frame {
     normal: Option<Image>,
     features: Option<Image>,
     timings: Vec<StageTime>,
+    /// Takes the memory of the images back.
+    spare: Spare,
     /// The owner of the renderer's slot that keeps what backward needs; `None` for a frame that was not saved.
     pub(super) owner: Option<Arc<()>>,
 }
@@ -106,6 +109,18 @@ impl Frame {
         all.into_iter().filter_map(|(name, image)| Some((name, image.as_ref()?)))
     }
 
+    /// As [`Frame::images`], moved out without a copy. The frame, which then has no images, can be differentiated as before.
+    pub fn take_images(&mut self) -> impl Iterator<Item = (&'static str, Image)> + use<> {
+        let all = [
+            ("color", self.color.take()),
+            ("silhouette", self.silhouette.take()),
+            ("depth", self.depth.take()),
+            ("normal", self.normal.take()),
+            ("features", self.features.take()),
+        ];
+        all.into_iter().filter_map(|(name, image)| Some((name, image?)))
+    }
+
     /// Device time of every stage, in the order in which they ran; empty unless
     /// [`Renderer::time_stages`](crate::Renderer::time_stages) asked for it, or if the queue has no timestamps.
     pub fn timings(&self) -> &[StageTime] {
@@ -114,11 +129,6 @@ impl Frame {
 }
 
 impl Frame {
-    /// The frame with the owner that keeps its slot from being reused.
-    pub(super) fn owning(self, owner: Arc<()>) -> Self {
-        Self { owner: Some(owner), ..self }
-    }
-
     /// Copies the images that the settings ask for out of their buffers. `channels` are the features of each vertex.
     pub(super) fn download(
         buffers: &Contents<'_>,
@@ -126,54 +136,45 @@ impl Frame {
         settings: &Settings,
         channels: usize,
         timings: Vec<StageTime>,
+        spare: &Spare,
     ) -> Result<Self> {
         let outputs = settings.outputs;
         let (height, width) = (settings.height as usize, settings.width as usize);
-        let pixels = batch * height * width;
+        let count = batch * height * width;
         let image = |channels: usize, data: Vec<f32>| Some(Image { batch, height, width, channels, data });
-        let texels = |id: BufferId| buffers.floats(id, 4 * pixels).map(|floats| floats.as_chunks::<4>().0);
+        let texels = |id: BufferId| buffers.floats(id, 4 * count).map(|floats| floats.as_chunks::<4>().0);
         let (color, silhouette, depth, normal, features) = (None, None, None, None, None);
-        let mut frame = Self { color, silhouette, depth, normal, features, timings, owner: None };
+        let mut frame = Self { color, silhouette, depth, normal, features, timings, spare: spare.clone(), owner: None };
         if outputs.color {
             let texels = texels(BufferId::Color)?;
-            let (rgb, alpha) = split(texels, outputs.silhouette);
+            let (rgb, alpha) = pixels::split(texels, outputs.silhouette, spare);
             frame.color = image(3, rgb);
             frame.silhouette = alpha.and_then(|alpha| image(1, alpha));
         } else if outputs.silhouette {
-            frame.silhouette = image(1, buffers.floats(BufferId::Silhouette, pixels)?.to_vec());
+            frame.silhouette = image(1, pixels::copied(buffers.floats(BufferId::Silhouette, count)?, spare));
         }
         if outputs.depth {
-            frame.depth = image(1, buffers.floats(BufferId::Depths, pixels)?.to_vec());
+            frame.depth = image(1, pixels::copied(buffers.floats(BufferId::Depths, count)?, spare));
         }
         if outputs.normal {
-            frame.normal = image(3, split(texels(BufferId::Normals)?, false).0);
+            frame.normal = image(3, pixels::split(texels(BufferId::Normals)?, false, spare).0);
         }
         if outputs.features {
             let stride = channels.next_multiple_of(4);
-            let rows = buffers.floats(BufferId::FeatureImage, stride * pixels)?.chunks_exact(stride);
-            let mut data = Vec::with_capacity(channels * pixels);
-            rows.for_each(|row| data.extend_from_slice(&row[..channels]));
-            frame.features = image(channels, data);
+            let rows = buffers.floats(BufferId::FeatureImage, stride * count)?;
+            frame.features = image(channels, pixels::first(rows, stride, channels, spare));
         }
         Ok(frame)
     }
 }
 
-fn asked<'a>(field: &'static str, image: &'a Option<Image>) -> Result<&'a Image> {
-    image.as_ref().ok_or_else(|| Error::Settings { field, value: "false".into(), fix: "ask for it".into() })
+impl Drop for Frame {
+    fn drop(&mut self) {
+        let spare = self.spare.clone();
+        self.take_images().for_each(|(_, image)| spare.give(image.data));
+    }
 }
 
-/// The first three of every four floats, and the fourth ones if they are wanted.
-fn split(texels: &[[f32; 4]], fourth: bool) -> (Vec<f32>, Option<Vec<f32>>) {
-    // As many texels as the first-level cache holds, so that each is read from mapped memory once.
-    const AT_ONCE: usize = 1024;
-    let mut first = Vec::with_capacity(texels.len());
-    let mut fourths = fourth.then(|| Vec::with_capacity(texels.len()));
-    for part in texels.chunks(AT_ONCE) {
-        first.extend(part.iter().map(|&[x, y, z, _]| [x, y, z]));
-        if let Some(fourths) = &mut fourths {
-            fourths.extend(part.iter().map(|&[.., w]| w));
-        }
-    }
-    (first.into_flattened(), fourths)
+fn asked<'a>(field: &'static str, image: &'a Option<Image>) -> Result<&'a Image> {
+    image.as_ref().ok_or_else(|| Error::Settings { field, value: "false".into(), fix: "ask for it".into() })
 }

@@ -5,6 +5,7 @@ mod fragments;
 mod frame;
 mod inputs;
 pub mod parts;
+mod pixels;
 mod shared;
 mod slot;
 mod upload;
@@ -20,6 +21,7 @@ use crate::frame::rasterizer::Rasterizer;
 use crate::frame::shape::FrameShape;
 use crate::scene::{Camera, Scene, Settings};
 use crate::vulkan::{CacheFolder, Context, ContextOptions, DeviceInfo, DeviceKind, Loader};
+use pixels::Spare;
 use shared::Shared;
 use slot::{Saved, Slot};
 use std::sync::Arc;
@@ -66,6 +68,7 @@ pub struct Renderer {
     /// together, so the first frame that needs one is rendered again with it. Lists without room are walked once a
     /// frame has needed more memory than the device can hold.
     rare: Rare,
+    spare: Spare,
 }
 
 impl std::fmt::Debug for Renderer {
@@ -120,6 +123,7 @@ impl Renderer {
             backward_timings: Vec::new(),
             rare,
             capacities: Vec::new(),
+            spare: Spare::default(),
         })
     }
 
@@ -209,13 +213,14 @@ impl Renderer {
         slot.finished = true;
         let (contents, timings) = (slot.buffers.contents()?, slot.timings(self.timed)?);
         let channels = plan.shape.features() as usize;
-        let frame = Frame::download(&contents, cameras.len(), settings, channels, timings)?;
+        let mut frame = Frame::download(&contents, cameras.len(), settings, channels, timings, &self.spare)?;
         drop(contents);
         if !settings.save {
             return Ok(frame);
         }
         let lights = scene.lights.clone();
-        Ok(frame.owning(slot.save(Saved { plan, cameras: cameras.to_vec(), settings: settings.clone(), lights })))
+        frame.owner = Some(slot.save(Saved { plan, cameras: cameras.to_vec(), settings: settings.clone(), lights }));
+        Ok(frame)
     }
 
     /// As [`Renderer::render`], and keeps what [`Renderer::backward`] needs of the frame for as long as the frame or a clone of it

@@ -118,20 +118,19 @@ pub fn image(value: &Bound<'_, PyAny>, name: &str, channels: usize, means: &str)
 }
 
 /// An image as an array: `[batch, height, width, 3]`, or `[batch, height, width]` for one channel.
-pub fn image_array(py: Python<'_>, image: &Image) -> PyResult<Py<PyAny>> {
-    let flat = PyArray1::from_slice(py, &image.data);
-    shaped(flat, [image.batch, image.height, image.width], image.channels)
+pub fn image_array(py: Python<'_>, image: Image) -> PyResult<Py<PyAny>> {
+    shaped(py, image.data, [image.batch, image.height, image.width], image.channels)
 }
 
 /// An image of features as an array: `[batch, height, width, channels]`.
-pub fn feature_array(py: Python<'_>, image: &Image) -> PyResult<Py<PyAny>> {
+pub fn feature_array(py: Python<'_>, image: Image) -> PyResult<Py<PyAny>> {
     let shape = [image.batch, image.height, image.width, image.channels];
-    Ok(PyArray1::from_slice(py, &image.data).reshape(shape)?.into_any().unbind())
+    Ok(PyArray1::from_vec(py, image.data).reshape(shape)?.into_any().unbind())
 }
 
-/// A flat array as images of some channels.
-pub fn shaped<T: Element>(flat: Bound<'_, PyArray1<T>>, sides: [usize; 3], channels: usize) -> PyResult<Py<PyAny>> {
-    let [batch, height, width] = sides;
+/// Values as images of some channels.
+pub fn shaped<T: Element>(py: Python<'_>, values: Vec<T>, sides: [usize; 3], channels: usize) -> PyResult<Py<PyAny>> {
+    let ([batch, height, width], flat) = (sides, PyArray1::from_vec(py, values));
     let array = match channels {
         1 => flat.reshape([batch, height, width])?.into_any(),
         _ => flat.reshape([batch, height, width, channels])?.into_any(),

@@ -6,9 +6,8 @@ use crate::gradients::{self, Gradients, Shapes};
 use crate::opened::Opened;
 use crate::settings::wanted;
 use pyo3::prelude::*;
-use pyo3::sync::PyOnceLock;
 use pyo3::types::PyDict;
-use softras::{GradientRequest, Image, ImageGradient, Scene};
+use softras::{GradientRequest, ImageGradient, Scene};
 use std::sync::Arc;
 
 /// A rendered batch, with the renderer that made it.
@@ -18,32 +17,33 @@ pub struct Frame {
     shared: Arc<Opened>,
     shapes: Vec<Shapes>,
     saved: bool,
-    arrays: [PyOnceLock<Py<PyAny>>; 5],
+    images: Vec<(&'static str, Py<PyAny>)>,
+    /// Views, height and width.
+    sides: [usize; 3],
+    /// The channels of the image of features, 0 without one.
+    channels: usize,
 }
 
 impl Frame {
-    pub fn new(frame: softras::Frame, shared: Arc<Opened>, scene: &Scene, saved: bool) -> Self {
+    pub fn new(
+        py: Python<'_>,
+        mut frame: softras::Frame,
+        shared: Arc<Opened>,
+        scene: &Scene,
+        saved: bool,
+    ) -> PyResult<Self> {
         let shapes = if saved { scene.meshes.iter().map(Shapes::of).collect() } else { Vec::new() };
-        Self { frame, shared, shapes, saved, arrays: [const { PyOnceLock::new() }; 5] }
+        let channels = frame.features().map_or(0, |features| features.channels);
+        let (mut images, mut sides) = (Vec::new(), [0; 3]);
+        for (name, image) in frame.take_images() {
+            sides = [image.batch, image.height, image.width];
+            images.push((name, if name == "features" { feature_array(py, image)? } else { image_array(py, image)? }));
+        }
+        Ok(Self { frame, shared, shapes, saved, images, sides, channels })
     }
 
-    /// The image at one of the places of `images`, as an array that is made once.
-    fn array(&self, py: Python<'_>, at: usize) -> PyResult<Option<Py<PyAny>>> {
-        let Some(image) = self.images()[at].1 else { return Ok(None) };
-        // An image of one channel has no last dimension, but for features.
-        let make = || if at == 4 { feature_array(py, image) } else { image_array(py, image) };
-        self.arrays[at].get_or_try_init(py, make).map(|array| Some(array.clone_ref(py)))
-    }
-
-    fn images(&self) -> [(&'static str, Option<&Image>); 5] {
-        let frame = &self.frame;
-        [
-            ("color", frame.color().ok()),
-            ("silhouette", frame.silhouette().ok()),
-            ("depth", frame.depth().ok()),
-            ("normal", frame.normal().ok()),
-            ("features", frame.features().ok()),
-        ]
+    fn image(&self, py: Python<'_>, name: &str) -> Option<Py<PyAny>> {
+        self.images.iter().find(|(of, _)| *of == name).map(|(_, array)| array.clone_ref(py))
     }
 }
 
@@ -51,32 +51,32 @@ impl Frame {
 impl Frame {
     /// [views, height, width, 3] float32, linear, row 0 at the top; None unless asked for.
     #[getter]
-    fn color(&self, py: Python<'_>) -> PyResult<Option<Py<PyAny>>> {
-        self.array(py, 0)
+    fn color(&self, py: Python<'_>) -> Option<Py<PyAny>> {
+        self.image(py, "color")
     }
 
     /// [views, height, width] float32 in [0, 1]; None unless asked for.
     #[getter]
-    fn silhouette(&self, py: Python<'_>) -> PyResult<Option<Py<PyAny>>> {
-        self.array(py, 1)
+    fn silhouette(&self, py: Python<'_>) -> Option<Py<PyAny>> {
+        self.image(py, "silhouette")
     }
 
     /// [views, height, width] float32, Σ w z in world units, 0 where no triangle contributes; None unless asked for.
     #[getter]
-    fn depth(&self, py: Python<'_>) -> PyResult<Option<Py<PyAny>>> {
-        self.array(py, 2)
+    fn depth(&self, py: Python<'_>) -> Option<Py<PyAny>> {
+        self.image(py, "depth")
     }
 
     /// [views, height, width, 3] float32, Σ w n in world space; None unless asked for.
     #[getter]
-    fn normal(&self, py: Python<'_>) -> PyResult<Option<Py<PyAny>>> {
-        self.array(py, 3)
+    fn normal(&self, py: Python<'_>) -> Option<Py<PyAny>> {
+        self.image(py, "normal")
     }
 
     /// [views, height, width, N] float32, Σ w f of the meshes' features (`Mesh.with_features`); None unless asked for.
     #[getter]
-    fn features(&self, py: Python<'_>) -> PyResult<Option<Py<PyAny>>> {
-        self.array(py, 4)
+    fn features(&self, py: Python<'_>) -> Option<Py<PyAny>> {
+        self.image(py, "features")
     }
 
     /// The gradients of a loss L from dL/dimage of at least one image, each of the image's shape.
@@ -96,7 +96,7 @@ impl Frame {
             let text = "backward: the frame was rendered for looking at only: render it with save=True";
             return Err(exception("BackwardError", text));
         }
-        let given = self.frame.features().map_or(0, |features| features.channels);
+        let given = self.channels;
         if given == 0 && upstream.is_some_and(|upstream| upstream.contains("features").unwrap_or(false)) {
             let text = "backward: the frame has no features image: ask for it in Settings.outputs";
             return Err(exception("BackwardError", text));
@@ -114,10 +114,9 @@ impl Frame {
     }
 
     fn __repr__(&self) -> String {
-        let rendered = self.images().into_iter().filter_map(|(name, image)| image.map(|image| (name, image)));
-        let names: Vec<_> = rendered.clone().map(|(name, _)| name).collect();
-        let size = rendered.map(|(_, i)| format!("{} views of {}×{}", i.batch, i.width, i.height)).next();
+        let names: Vec<_> = self.images.iter().map(|(name, _)| *name).collect();
+        let [views, height, width] = self.sides;
         let saved = if self.saved { ", saved" } else { "" };
-        format!("softras.Frame({}: {}{saved})", size.unwrap_or_default(), names.join(", "))
+        format!("softras.Frame({views} views of {width}×{height}: {}{saved})", names.join(", "))
     }
 }

@@ -43,7 +43,7 @@ pub fn blurred_mask(mask: &Bound<'_, PyAny>, sigma: f64, sheets: f64) -> PyResul
     let py = mask.py();
     let mask = image(mask, "mask", 1, "mask")?;
     let soft = py.detach(|| softras_fit::soft_target(&mask, sigma, sheets)).raise()?;
-    image_array(py, &soft)
+    image_array(py, soft)
 }
 
 /// The mesh with triangles of about the given edge length; vertices come in a new order. Raises FitError.

@@ -97,7 +97,7 @@ pub fn reference_render<'py>(
     let all = [frame.color, frame.silhouette, frame.depth, frame.normal];
     for ((name, channels), data) in IMAGES.into_iter().zip(all) {
         if let Some(channels) = channels.filter(|_| !data.is_empty()) {
-            images.set_item(name, shaped(PyArray1::from_vec(py, data), sides, channels)?)?;
+            images.set_item(name, shaped(py, data, sides, channels)?)?;
         }
     }
     Ok(images)

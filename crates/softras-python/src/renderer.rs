@@ -7,7 +7,6 @@ use crate::frame::Frame;
 use crate::mesh::meshes;
 use crate::opened::Opened;
 use crate::settings;
-use numpy::PyArray1;
 use pyo3::exceptions::PyModuleNotFoundError;
 use pyo3::prelude::*;
 use softras::{DeviceInfo, Error, Loader, RendererOptions, Result, Scene, Settings};
@@ -140,7 +139,7 @@ impl Renderer {
         let Inputs { scene, cameras, settings } = Inputs::new(meshes, cameras, settings, lights)?;
         let settings = Settings { save, ..settings };
         let frame = self.shared.call(py, |renderer| renderer.render(&scene, &cameras, &settings))?;
-        Ok(Frame::new(frame, self.shared.clone(), &scene, save))
+        Frame::new(py, frame, self.shared.clone(), &scene, save)
     }
 
     /// The nearest triangle of each pixel: its number [views, height, width] int32, -1 for none; its barycentrics there
@@ -161,9 +160,9 @@ impl Renderer {
         let depths = all.clone().map(|one| one.map_or(0.0, |one| one.depth)).collect();
         let barycentrics = all.flat_map(|one| one.map_or([0.0; 3], |one| one.barycentrics)).collect();
         Ok((
-            shaped::<i32>(PyArray1::from_vec(py, triangles), sides, 1)?,
-            shaped::<f32>(PyArray1::from_vec(py, barycentrics), sides, 3)?,
-            shaped::<f32>(PyArray1::from_vec(py, depths), sides, 1)?,
+            shaped::<i32>(py, triangles, sides, 1)?,
+            shaped::<f32>(py, barycentrics, sides, 3)?,
+            shaped::<f32>(py, depths, sides, 1)?,
         ))
     }
 

@@ -37,8 +37,8 @@ pub fn load_views(
     let options =
         ViewsOptions { cameras, masks, fov, depths, depth_unit, normals, allow_outside, ..ViewsOptions::default() };
     let (views, _, notes) = py.detach(|| Views::open_with(&path, &options, &Budget::new(None))).raise()?;
-    let array = |image: &Option<softras::Image>| image.as_ref().map(|image| image_array(py, image)).transpose();
-    let images = [array(&views.silhouette)?, array(&views.color)?, array(&views.depth)?, array(&views.normal)?];
+    let array = |image: Option<softras::Image>| image.map(|image| image_array(py, image)).transpose();
+    let images = [array(views.silhouette)?, array(views.color)?, array(views.depth)?, array(views.normal)?];
     Ok((views.cameras.into_iter().map(|camera| Camera { camera }).collect(), images, notes))
 }
 
