@@ -1,12 +1,13 @@
 #!/usr/bin/env python3
 """softras beside deodr, the fastest differentiable renderer for processors that PyPI has.
 
-    python3 benches/peers.py [MESH.obj ...] [--softras target/release/softras]
+    python3 benches/peers.py [MESH.obj ...] [--softras target/release/softras] [--fit]
 
 Makes a virtual environment, installs deodr from PyPI into it, and measures both on the same meshes, cameras and sizes in
 turn: a run of theirs, a run of ours, and again, so that what else the machine does hits both. A frame is an image and
 the gradient to vertex positions (and colours). deodr is not soft: a z-buffer with antialiased edges in f64, one thread,
-and no gradient for what is hidden. Without a mesh: softras' fish and sphere.
+and no gradient for what is hidden. Without a mesh: softras' fish and sphere. With --fit both fit a shape and a pose instead: see
+peers_fit.py. It builds and installs softras' Python package as well.
 """
 
 import argparse
@@ -19,12 +20,13 @@ import sys
 import tempfile
 import time
 
-PACKAGES = ["deodr", "typing_extensions", "trimesh"]
 HOME = pathlib.Path(__file__).resolve().parent.parent
+PACKAGES = ["deodr", "typing_extensions", "trimesh"]
+FIT_PACKAGES = ["pillow", "scipy", HOME / "crates" / "softras-python"]
 
 
-def environment():
-    """Goes on in a Python that has deodr, made on the first run."""
+def environment(fit):
+    """Goes on in a Python that has deodr, made on the first run; for fits softras too, as it is now."""
     folder = HOME / "target" / "peers"
     python = folder / "bin" / "python"
     if pathlib.Path(sys.prefix).resolve() == folder.resolve():
@@ -32,6 +34,8 @@ def environment():
     if not python.exists():
         subprocess.run([sys.executable, "-m", "venv", folder], check=True)
         subprocess.run([python, "-m", "pip", "install", "-q", *PACKAGES], check=True)
+    if fit:
+        subprocess.run([python, "-m", "pip", "install", "-q", *FIT_PACKAGES], check=True)
     os.execv(python, [python, __file__, *sys.argv[1:]])
 
 
@@ -113,11 +117,12 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("meshes", nargs="*", help="Wavefront OBJ files")
     parser.add_argument("--softras", default=str(HOME / "target" / "release" / "softras"), help="the program")
+    parser.add_argument("--fit", action="store_true", help="seconds until a shape and a pose are found")
     parser.add_argument("--rounds", type=int, default=5, help="turns of each")
     parser.add_argument("--repeats", type=int, default=15, help="frames a turn")
     parser.add_argument("--sizes", default="256,512", help="sides of the images")
     arguments = parser.parse_args()
-    environment()
+    environment(arguments.fit)
     with tempfile.TemporaryDirectory() as folder:
         meshes = arguments.meshes
         sphere = pathlib.Path(folder) / "icosphere.obj"
@@ -125,10 +130,24 @@ def main():
         for name, path in made:
             subprocess.run([arguments.softras, "mesh", name, "-o", path], check=True, stdout=subprocess.DEVNULL)
         meshes = meshes or [str(made[1][1])]
+        if arguments.fit:
+            return fits(arguments, meshes)
         sizes = [int(size) for size in arguments.sizes.split(",")]
         cases = [(str(sphere), 64, 1, "silhouette"), (str(sphere), 64, 16, "silhouette")]
         cases += [(m, s, 1, mode) for m in meshes for s in sizes for mode in ("silhouette", "color+silhouette")]
         table(arguments, cases)
+
+
+def fits(arguments, meshes):
+    import numpy as np
+    import peers_fit
+
+    for path in meshes:
+        vertices, faces = framed(path)
+        colors = np.clip(vertices + 0.5, 0, 1)
+        print(f"{pathlib.Path(path).stem}:")
+        peers_fit.shapes(arguments.softras, vertices, faces.astype(np.int64), colors, arguments.rounds)
+        peers_fit.poses(vertices, faces.astype(np.int64), colors)
 
 
 def table(arguments, cases):
