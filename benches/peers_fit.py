@@ -1,4 +1,4 @@
-"""Time to a result: softras and deodr fit the same pictures from the same start, with the same optimizer. What `peers.py --fit` runs.
+"""Time to a result: softras and deodr fit the same pictures from the same start, with the same optimizer. `peers.py --fit` runs it.
 
 Shape: a sphere becomes a mesh, by 12 pictures of 128² of it, in STEPS steps of Adam with smoothed gradients (Nicolet et al., "Large Steps in
 Inverse Rendering of Geometry", 2021). Judged outside the clock by 6 other views. A peer's renderer is called as its documents say; what is not rendering is one

@@ -30,6 +30,10 @@ ROWS = "glsl/common/item_pixels.glsl"
 # `cargo test --test quick`. With `unit ` or `fit-unit ` before it, it is a unit test of the library or of softras-fit, with `fit `, `io `, `check `, `cli `
 # or `view ` one of that package's tests. With `full ` it needs the full tier's sizes to see the fault, with `layers ` the validation layers.
 FAULTS = [
+    ("large images copied by no thread but the others", "src/renderer/pixels.rs", "        run();\n", "", ["unit renderer::pixels"]),
+    ("memory of an image of another size", "src/renderer/pixels.rs", "one.len() == count", "one.len() > 0", ["unit renderer::pixels"]),
+    ("a frame whose images were taken is not saved", "src/renderer/frame.rs", '("color", self.color.take()),',
+     '("color", self.owner.take().and(self.color.take())),', ["gradient::living"]),
     ("features before a composite background", "glsl/common/features.glsl", "float blend = COMPOSITE ? alpha_of(p, triangle_count) : 1.0;",
      "float blend = 1.0;", ["gradient::features::three_features"]),
     ("features that a walk forgets", WALK, "feature_sums[i][k] = uintBitsToFloat(", "feature_sums[i][k] = 0.0 * uintBitsToFloat(",

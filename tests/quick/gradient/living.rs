@@ -75,6 +75,17 @@ fn a_clone_keeps_the_frame_and_a_failure_takes_none() {
     assert_eq!(renderer.device_bytes(), bytes, "the dropped frame's buffers were not used again");
 }
 
+#[test]
+fn a_frame_whose_images_were_taken_has_its_gradient() {
+    let (case, mut renderer) = (&cases()[0], renderer());
+    let (whole, mut frame) = (render(&mut renderer, case), render(&mut renderer, case));
+    let taken: Vec<_> = frame.take_images().collect();
+    assert!(taken.len() > 1 && taken.iter().map(|(name, image)| (*name, image)).eq(whole.images()));
+    assert!(frame.images().next().is_none() && frame.color().is_err());
+    let [first, second] = [&whole, &frame].map(|frame| gradient(&mut renderer, frame, case));
+    same_gradient_bits(&first, &second).unwrap();
+}
+
 /// Frames that are dropped in each turn take no more memory. If later turns need fewer, the rest is freed.
 #[test]
 fn memory_follows_the_frames_that_live() {
