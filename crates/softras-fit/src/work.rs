@@ -64,6 +64,9 @@ pub enum Event<'a> {
 /// Who is told, and may end the fit.
 pub type Told<'a> = dyn FnMut(Event<'_>) -> ControlFlow<()> + 'a;
 
+/// Asked between parts of work that takes long; an error ends it.
+pub type GoesOn<'a> = dyn FnMut() -> Result<()> + 'a;
+
 /// A renderer, and who is told.
 pub struct Work<'a> {
     pub renderer: &'a mut Renderer,

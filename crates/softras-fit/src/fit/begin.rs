@@ -96,7 +96,7 @@ fn hull(options: &FitOptions, subject: &Subject, work: &mut Work) -> Result<Opti
         return Ok(None);
     }
     let (center, side) = subject.cube();
-    let found = samples(&targets, center, side, subject.samples()?);
+    let found = samples(&targets, center, side, subject.samples()?, &mut || work.goes_on());
     match found.and_then(|samples| Ok((meshed(samples.clone(), &targets)?, samples))) {
         Ok((raw, samples)) => {
             let edge = options.edge.map_or(HULL_EDGE, |edge| edge.0) * subject.pixel;
@@ -113,6 +113,7 @@ fn hull(options: &FitOptions, subject: &Subject, work: &mut Work) -> Result<Opti
             }
             Ok(Some((mesh, samples)))
         }
+        Err(error) if work.is_stopped() => Err(error),
         Err(error) if !asked => {
             work.notes.push(format!("the fit begins with a sphere, since there is no hull: {error}"));
             Ok(None)

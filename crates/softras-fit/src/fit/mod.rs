@@ -18,11 +18,11 @@ use crate::{
         seen::Seen,
         subject::{Subject, ViewsOfMesh},
     },
-    work::{Event, Stage, Told, Work},
+    work::{Event, Progress, Stage, Told, Work},
 };
 use options::{FitOptions, Preset, Template};
 use paint::Painted;
-use scores::Scores;
+use scores::{Scores, genus};
 use setup::Setup;
 use softras::{Lights, Mesh, Renderer, Result, Settings};
 use softras_io::{Budget, Views};
@@ -98,7 +98,8 @@ impl Fit {
             exposure::leveled(&mut subject, &setup.template, &setup.settings(0), &mut work)?;
         }
         let views = setup.given.compared(&subject);
-        let shape = ShapeFit::new(setup.template.clone(), subject.lights.clone(), setup.options.clone())?;
+        let options = setup.options_of(&setup.template);
+        let shape = ShapeFit::new(setup.template.clone(), subject.lights.clone(), options)?;
         work.goes_on()?;
         let run = ShapeRun::new(shape, &views);
         Ok(Fitting { subject, setup, run, steps: Vec::new(), notes, is_stopped: false })
@@ -112,7 +113,7 @@ impl Fit {
         let mut fitting = self.begin(renderer, &mut told)?;
         while fitting.step(renderer, &mut told)? {}
         let painted = fitting.paint(renderer, &mut told)?;
-        fitting.finish(painted, renderer)
+        fitting.finish(painted, renderer, &mut told)
     }
 }
 
@@ -124,7 +125,7 @@ impl Fit {
 fn reconcile(subject: &mut Subject, options: &FitOptions, work: &mut Work) -> Result<()> {
     let is_quick = options.preset == Preset::Quick;
     if !options.keep_views {
-        agreement::settle(subject, work.notes)?;
+        agreement::settle(subject, work)?;
     }
     let is_narrowed = !options.keep_views && !is_quick && mask_width::narrowed(subject, work)?;
     if !options.keep_cameras && !is_quick && !options.keeps_shape() {
@@ -263,20 +264,35 @@ impl Fitting {
         Ok(Some(painted))
     }
 
-    /// The end: the best mesh, or the painted one, and how good it is.
+    /// The end: the best mesh, or the painted one, and how good it is. Where `told` breaks it, the mesh is not judged; a fit that was
+    /// broken before is judged nevertheless.
     ///
     /// # Errors
     /// As [`Renderer::render`].
-    pub fn finish(self, painted: Option<Painted>, renderer: &mut Renderer) -> Result<Fitted> {
+    pub fn finish(self, painted: Option<Painted>, renderer: &mut Renderer, told: &mut Told) -> Result<Fitted> {
         let mesh = match &painted {
             Some(painted) => painted.mesh.clone(),
             None => self.colored(renderer)?,
         };
-        let scores = Scores::of(&mesh, &self.setup, &self.subject, renderer)?;
-        let is_complete =
-            self.next_step() == self.setup.iterations && painted.as_ref().is_none_or(|painted| painted.is_complete);
+        let mut at = Progress { stage: Stage::Scores, taken: 0, of: 0, loss: None };
+        let mut is_broken = false;
+        let mut goes_on = || {
+            is_broken |= told(Event::Progress(at)).is_break() && !self.is_stopped;
+            at.taken += 1;
+            if is_broken { bad("a fit that was stopped", "begin it again") } else { Ok(()) }
+        };
+        let scores = match Scores::of(&mesh, &self.setup, &self.subject, renderer, &mut goes_on) {
+            Err(_) if is_broken => {
+                let (parts, genus) = genus(&mesh)?;
+                Scores { parts, genus, ..Scores::default() }
+            }
+            scores => scores?,
+        };
+        let is_complete = !is_broken
+            && self.next_step() == self.setup.iterations
+            && painted.as_ref().is_none_or(|painted| painted.is_complete);
         let settings = self.setup.settings(self.setup.iterations);
-        let (options, view_stride) = (self.setup.options, self.setup.given.view_stride);
+        let (options, view_stride) = (self.run.shape().options().clone(), self.setup.given.view_stride);
         let (Subject { views, lights, .. }, steps, notes) = (self.subject, self.steps, self.notes);
         Ok(Fitted { mesh, scores, steps, painted, is_complete, options, view_stride, notes, views, settings, lights })
     }
@@ -302,7 +318,8 @@ impl Fitting {
             );
         }
         let mesh = self.setup.resumed(step, mesh)?;
-        let mut shape = ShapeFit::new(mesh, self.subject.lights.clone(), self.setup.options.clone())?;
+        let options = self.setup.options_of(&mesh);
+        let mut shape = ShapeFit::new(mesh, self.subject.lights.clone(), options)?;
         shape.restore(state)?;
         self.run.go_on_with(shape, step);
         Ok(step)

@@ -132,8 +132,10 @@ impl Fitting {
         let setup = &self.setup;
         // As many views in a step as the mesh is compared with that it may replace.
         let views_per_step = self.run.shape().options().views_per_step;
-        let options = ShapeOptions { views_per_step, ..setup.options.clone() };
-        let begin = |mesh: &Mesh| ShapeFit::new(mesh.clone(), self.subject.lights.clone(), options.clone());
+        let begin = |mesh: &Mesh| {
+            let options = ShapeOptions { views_per_step, ..setup.options_of(mesh) };
+            ShapeFit::new(mesh.clone(), self.subject.lights.clone(), options)
+        };
         let ious = |after: &Found| format!("mask IoU {:.4}, before {:.4}", after.iou, before.iou);
         let mut why = String::new();
         if let Some((mesh, after)) = made.last() {
@@ -184,7 +186,7 @@ impl Fitting {
             Some(hull) => hull.clone(),
             None => {
                 let (center, side) = self.subject.cube();
-                samples(&self.run.targets, center, side, self.subject.samples()?)?
+                samples(&self.run.targets, center, side, self.subject.samples()?, &mut || work.goes_on())?
             }
         };
         let raw = cut_to(hull, &self.run.targets, mesh, missing.as_ref())?;

@@ -5,6 +5,7 @@ use crate::{
     ImageLoss, Regularizer, Topology, Unseen, finer, mask_iou,
     photographs::{color::color_error, subject::Subject, unseen::hard},
     points, pooled, sized, voxel_iou,
+    work::GoesOn,
 };
 use glam::DVec3;
 use softras::{
@@ -75,23 +76,31 @@ pub struct Scores {
 }
 
 impl Scores {
-    /// Computes the scores of a mesh over all views.
-    pub(crate) fn of(mesh: &Mesh, setup: &Setup, subject: &Subject, renderer: &mut Renderer) -> Result<Self> {
+    /// Computes the scores of a mesh over all views, some at a time.
+    pub(crate) fn of(
+        mesh: &Mesh,
+        setup: &Setup,
+        subject: &Subject,
+        renderer: &mut Renderer,
+        goes_on: &mut GoesOn,
+    ) -> Result<Self> {
         let targets = &subject.views;
         let Some(target) = &targets.silhouette else {
             return Ok(Self::default());
         };
         let (settings, scene) = (setup.settings(0), Scene::new(mesh.clone()));
+        goes_on()?;
         let (unseen, masks) = Unseen::compare(mesh, targets, &settings, renderer)?;
-        let covered = covered(&scene, targets, &settings, renderer)?;
+        let covered = covered(&scene, targets, &settings, renderer, goes_on)?;
         let bounds: Vec<f64> = (0..target.batch).map(|view| most_iou(target.view(view))).collect();
         let fitted = setup.given.fitted(subject);
-        let soft_iou = |renderer: &mut Renderer, views: &[usize]| -> Result<f64> {
+        let mut soft_iou = |renderer: &mut Renderer, views: &[usize]| -> Result<f64> {
             let some = targets.some(views);
             let (sigma, outputs) = (1e-4, Outputs::SILHOUETTE);
             let settings = Settings { sigma, outputs, ..sized(&settings, targets.size()?, 1) };
             let (mut loss, count) = (0.0, some.cameras.len() as f64);
             parts::in_batches(renderer, &scene, &some.cameras, &settings, |views, frame| {
+                goes_on()?;
                 let share = views.len() as f64 / count;
                 if let Some(target) = &some.silhouette {
                     let target = target.views(views);
@@ -107,8 +116,10 @@ impl Scores {
         let solid = subject.truth.as_ref().map(|truth| voxel_iou(mesh, truth, VOXELS)).transpose()?;
         let (parts, genus) = genus(mesh)?;
         let held_out = subject.held_out.clone();
-        let mut color =
-            |views: &[usize]| color_error(mesh, &setup.settings(setup.iterations), subject, views, renderer);
+        let mut color = |views: &[usize]| {
+            goes_on()?;
+            color_error(mesh, &setup.settings(setup.iterations), subject, views, renderer)
+        };
         let (color, color_held_out) = (color(&fitted)?, color(&held_out)?);
         let (most, fitted) = (mean(&bounds), mean_of(&masks, &fitted));
         Ok(Self {
@@ -133,11 +144,18 @@ impl Scores {
 const SAMPLES: usize = 8;
 
 /// The mask IoU of every view, by the pixels that the mesh covers by more than half.
-fn covered(scene: &Scene, targets: &Views, settings: &Settings, renderer: &mut Renderer) -> Result<Vec<f64>> {
+fn covered(
+    scene: &Scene,
+    targets: &Views,
+    settings: &Settings,
+    renderer: &mut Renderer,
+    goes_on: &mut GoesOn,
+) -> Result<Vec<f64>> {
     let Some(target) = &targets.silhouette else { return Ok(Vec::new()) };
     let fine = hard(settings, targets.size()?, SAMPLES);
     let mut bands = Bands { unit: 4 * SAMPLES, margin: 0, at_once: usize::MAX };
     let one = |(view, camera): (usize, &Camera)| {
+        goes_on()?;
         let target = target.views(view..view + 1);
         let mut image = Image { data: Vec::new(), ..target };
         let render = |camera: &Camera, settings: &Settings| renderer.render(scene, &[*camera], settings);
@@ -183,6 +201,7 @@ impl Scores {
         let text = |value: Option<f64>, before: &str| value.map_or(String::new(), |x| format!("{before}{x:.4}"));
         let (shape, count) = (named((self.parts, self.genus)), self.held_out.len());
         let masks = match self.held_out_mask_iou() {
+            None if self.masks.is_empty() => "not judged".into(),
             None => format!("mask IoU {:.4} over {} views", mean(&self.masks), self.masks.len()),
             Some(iou) => format!("mask IoU {:.4} over the fitted views, {iou:.4} over {count} held out", self.fitted),
         };

@@ -20,6 +20,9 @@ const HULL_ITERATIONS: usize = 150;
 const QUICK_ITERATIONS: usize = 20;
 /// The length of edges after remeshing, in pixels.
 const EDGE: f64 = 1.5;
+/// The flatten regulariser is a sum over edges. It weighs less for meshes of more triangles than this, so that it does not outweigh
+/// the images.
+const FLATTENED: f64 = 6000.0;
 /// Shares of the steps before which the topology is tested. By the first the mesh has reached the outlines, so that background that
 /// it covers is a hole and not an outline that it has yet to reach. The second tests what the first has left, with enough steps
 /// after it for a new mesh to converge.
@@ -49,8 +52,8 @@ pub struct Setup {
     pub template: Mesh,
     /// The samples of the views' hull, where the fit begins with it and may cut meshes to it.
     pub hull: Option<Samples>,
-    /// The options of the fit.
-    pub options: ShapeOptions,
+    /// The options of the steps of a small mesh; see [`Setup::options_of`].
+    options: ShapeOptions,
     /// The number of steps.
     pub iterations: usize,
     /// Steps before which the topology is tested.
@@ -110,6 +113,16 @@ impl Setup {
         })
     }
 
+    /// The options of the steps of a mesh.
+    pub fn options_of(&self, mesh: &Mesh) -> ShapeOptions {
+        let mut options = self.options.clone();
+        let share = (FLATTENED / mesh.triangles().len() as f64).min(1.0);
+        let is_own = self.given.preset == Preset::Official || self.given.flatten.is_some();
+        let weights = options.regularizers.iter_mut().filter(|(kind, _)| *kind == Regularizer::Flatten && !is_own);
+        weights.for_each(|(_, weight)| *weight *= share);
+        options
+    }
+
     /// The number of steps that a share of all steps is.
     pub fn share(&self, share: f64) -> usize {
         steps_of(share, self.iterations)
@@ -134,7 +147,10 @@ impl Setup {
     pub fn remade(&self, fit: &ShapeFit, step: usize) -> Result<ShapeFit> {
         let edge = self.edge.at_step(step, self.iterations);
         let fit = if self.given.remesh_at.contains(&step) { fit.remeshed(edge..=edge)? } else { fit.clone() };
-        Ok(if self.given.subdivide_at.contains(&step) { fit.subdivided(self.given.subdivision)? } else { fit })
+        let mut fit =
+            if self.given.subdivide_at.contains(&step) { fit.subdivided(self.given.subdivision)? } else { fit };
+        fit.options.regularizers = self.options_of(fit.mesh()).regularizers;
+        Ok(fit)
     }
 
     /// The mesh that a resumed fit starts from: the template, unless it may have got other triangles before that step.

@@ -11,6 +11,7 @@ use crate::{
     bad,
     mesh::regions::{holes, is_border, of_pixels, pixels_around},
     solid::hull::{View, views as pictures},
+    work::Work,
 };
 use glam::DVec3;
 use softras::{Image, Result, shapes::Samples};
@@ -22,6 +23,8 @@ const FEWEST: usize = 6;
 const MOST: usize = 256;
 /// Samples along a side of the hull.
 const RESOLUTION: usize = 64;
+/// Samples between two questions whether to go on.
+const SLAB: usize = 2 * RESOLUTION * RESOLUTION;
 /// Samples of the hull along a side of the squares that masks are compared in.
 const SAMPLES_A_CELL: f64 = 2.0;
 /// Leaving out a view makes this share of the others' masks agree, and this many times what the median view would.
@@ -49,7 +52,7 @@ const BY_CHANCE: f64 = 0.5;
 ///
 /// # Errors
 /// [`softras::Error::Fit`] where more views are empty or full, and where the masks have no solid in common.
-pub fn settle(subject: &mut Subject, notes: &mut Vec<String>) -> Result<()> {
+pub fn settle(subject: &mut Subject, work: &mut Work) -> Result<()> {
     let (views, bounds) = (&subject.views, subject.bounds);
     let count = views.cameras.len();
     let Some(silhouettes) = &views.silhouette else { return Ok(()) };
@@ -81,10 +84,10 @@ pub fn settle(subject: &mut Subject, notes: &mut Vec<String>) -> Result<()> {
     }
     let mut left: Vec<usize> = (0..count).filter(|view| out.iter().all(|(other, _)| other != view)).collect();
     let seen = views.some(&left);
-    let Ok(all) = pictures(&seen, 1) else { return Ok(()) };
+    let Ok(all) = pictures(&seen, 1, &mut || work.goes_on()) else { return work.goes_on() };
     let mut using: Vec<usize> = (0..left.len()).collect();
     let mut open = 0.0;
-    while let Some((whole, worst)) = worst(&seen, &all, &using, bounds) {
+    while let Some((whole, worst)) = worst(&seen, &all, &using, bounds, work)? {
         open = whole;
         let Some(worst) = worst.filter(|_| out.len() < most) else { break };
         out.push((left[using.remove(worst)], "does not agree with the others"));
@@ -98,16 +101,22 @@ pub fn settle(subject: &mut Subject, notes: &mut Vec<String>) -> Result<()> {
     left.retain(|view| out.iter().all(|(other, _)| other != view));
     out.sort_unstable();
     for (view, why) in out {
-        notes.push(format!("{} {why}: it is left out", views.name(view)));
+        work.notes.push(format!("{} {why}: it is left out", views.name(view)));
     }
     subject.keep(&left);
-    fill(&mut subject.views, bounds, notes)
+    fill(&mut subject.views, bounds, work)
 }
 
 /// The mean share of the masks that their hull leaves uncovered, and the place in `using` of the view without which the others agree much
 /// better.
-fn worst(views: &Views, all: &[View], using: &[usize], bounds: Sphere) -> Option<(f64, Option<usize>)> {
-    let uncovered = uncovered(views, all, using, bounds)?;
+fn worst(
+    views: &Views,
+    all: &[View],
+    using: &[usize],
+    bounds: Sphere,
+    work: &mut Work,
+) -> Result<Option<(f64, Option<usize>)>> {
+    let Some(uncovered) = uncovered(views, all, using, bounds, work)? else { return Ok(None) };
     let n = using.len();
     // The mean over all views, and over the others where one is left out.
     let whole = (0..n).map(|u| uncovered[u * (n + 1) + n]).sum::<f64>() / n as f64;
@@ -116,22 +125,32 @@ fn worst(views: &Views, all: &[View], using: &[usize], bounds: Sphere) -> Option
     let gains: Vec<f64> = (0..n).map(|c| whole - without(c)).collect();
     let mut sorted = gains.clone();
     sorted.sort_by(f64::total_cmp);
-    let (at, gain) = gains.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1))?;
+    let Some((at, gain)) = gains.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1)) else { return Ok(None) };
     let is_worse = *gain > LEAST_GAIN && *gain > TIMES_THE_MEDIAN * sorted[n / 2] && whole - gain < MOST_LEFT * whole;
-    Some((whole, is_worse.then_some(at)))
+    Ok(Some((whole, is_worse.then_some(at))))
 }
 
 /// The share of each view's mask that the hull leaves uncovered: a row a view, a column for the hull without each view, and at last
 /// one for the hull of all.
-fn uncovered(views: &Views, all: &[View], using: &[usize], bounds: Sphere) -> Option<Vec<f64>> {
-    let silhouettes = views.silhouette.as_ref()?;
+fn uncovered(
+    views: &Views,
+    all: &[View],
+    using: &[usize],
+    bounds: Sphere,
+    work: &mut Work,
+) -> Result<Option<Vec<f64>>> {
+    let Some(silhouettes) = &views.silhouette else { return Ok(None) };
     let n = using.len();
     let grid = Samples::new(bounds.center - bounds.radius, 2.0 * bounds.radius, RESOLUTION);
     let mut cells: Vec<Cells> =
         using.iter().map(|view| Cells::of(views, silhouettes, *view, bounds.center, grid.step, n + 1)).collect();
     // A sample stands for all of its cube.
     let reach = 0.5 * grid.step;
-    for point in (0..grid.values.len()).map(|i| grid.position(i)) {
+    for at in 0..grid.values.len() {
+        if at.is_multiple_of(SLAB) {
+            work.goes_on()?;
+        }
+        let point = grid.position(at);
         let mut carvers = (0..n).filter(|u| all[using[*u]].outline_distance(point).is_some_and(|d| d < -reach));
         let (first, second) = (carvers.next(), carvers.next());
         if second.is_some() {
@@ -146,7 +165,7 @@ fn uncovered(views: &Views, all: &[View], using: &[usize], bounds: Sphere) -> Op
             }
         }
     }
-    Some(cells.iter().flat_map(|cells| (0..=n).map(|column| cells.open(column))).collect())
+    Ok(Some(cells.iter().flat_map(|cells| (0..=n).map(|column| cells.open(column))).collect()))
 }
 
 /// A mask in squares, each some samples of the hull wide, and by which hulls each square is covered.
@@ -194,7 +213,7 @@ impl Cells {
 
 /// Fills holes of masks that too few others look through, and takes away specks beside the object that no solid has. Where many
 /// masks have small holes, rays through some of them meet by chance: their own density says how many have to.
-fn fill(views: &mut Views, bounds: Sphere, notes: &mut Vec<String>) -> Result<()> {
+fn fill(views: &mut Views, bounds: Sphere, work: &mut Work) -> Result<()> {
     let Some(silhouettes) = &views.silhouette else { return Ok(()) };
     let (height, width) = (silhouettes.height, silhouettes.width);
     let size = (height, width);
@@ -215,7 +234,7 @@ fn fill(views: &mut Views, bounds: Sphere, notes: &mut Vec<String>) -> Result<()
     let area = |view: usize| silhouettes.view(view).iter().filter(|x| **x > 0.5).count() as f64;
     let areas: Vec<f64> = (0..count).map(area).collect();
     let needed = needed(&holes, &areas);
-    let [through, beside] = meetings(views, bounds, [&holes, &specks])?;
+    let [through, beside] = meetings(views, bounds, [&holes, &specks], work)?;
     let Views { silhouette: Some(silhouettes), color, .. } = views else { return Ok(()) };
     let (mut pierced, mut specked) = (Vec::new(), Vec::new());
     for (view, mask) in silhouettes.data.chunks_exact_mut(height * width).enumerate() {
@@ -237,7 +256,7 @@ fn fill(views: &mut Views, bounds: Sphere, notes: &mut Vec<String>) -> Result<()
         (pierced, "holes", "that too few other pictures look through are filled"),
         (specked, "specks", "that the other pictures leave no room for are taken away"),
     ];
-    notes.extend(told.into_iter().filter_map(|(pixels, what, why)| {
+    work.notes.extend(told.into_iter().filter_map(|(pixels, what, why)| {
         let first = pixels.iter().position(|count| *count > 0)?;
         let (sum, more) = (pixels.iter().sum::<usize>(), pixels.iter().filter(|count| **count > 0).count() - 1);
         let others = if more == 0 { String::new() } else { format!(" and {more} more") };
@@ -249,11 +268,15 @@ fn fill(views: &mut Views, bounds: Sphere, notes: &mut Vec<String>) -> Result<()
 
 /// For each view and hole the most views that look through theirs at one point. For each view and speck the most that show theirs at
 /// one point of the hull; 0 where the hull has no point there.
-fn meetings(views: &Views, bounds: Sphere, spots: [&[Spots]; 2]) -> Result<[Vec<Vec<usize>>; 2]> {
-    let (all, size) = (pictures(views, 1)?, views.size()?);
+fn meetings(views: &Views, bounds: Sphere, spots: [&[Spots]; 2], work: &mut Work) -> Result<[Vec<Vec<usize>>; 2]> {
+    let (all, size) = (pictures(views, 1, &mut || work.goes_on())?, views.size()?);
     let grid = Samples::new(bounds.center - bounds.radius, 2.0 * bounds.radius, RESOLUTION);
     let mut met = spots.map(|spots| spots.iter().map(|spots| vec![0; spots.pixels.len()]).collect::<Vec<_>>());
-    for point in (0..grid.values.len()).map(|i| grid.position(i)) {
+    for at in 0..grid.values.len() {
+        if at.is_multiple_of(SLAB) {
+            work.goes_on()?;
+        }
+        let point = grid.position(at);
         let is_inside = || all.iter().all(|view| view.outline_distance(point).is_none_or(|d| d > -grid.step));
         for (k, spots) in spots.iter().enumerate() {
             let one = |view: usize| Some((view, spots[view].near(all[view].pixel(point)?, size)?));

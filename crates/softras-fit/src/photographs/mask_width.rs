@@ -32,8 +32,9 @@ pub fn narrowed(subject: &mut Subject, work: &mut Work) -> Result<bool> {
     }
     work.begin(Stage::Masks, 0)?;
     let ((center, side), pixel) = (subject.cube(), subject.pixel);
-    let of_hull = |resolution: usize| hull(&views(&subject.views, 1)?, center, side, resolution, 0.0);
-    let Ok(rough) = of_hull(LEAST) else { return Ok(false) };
+    let Ok(pictures) = views(&subject.views, 1, &mut || work.goes_on()) else { return work.goes_on().map(|()| false) };
+    let mut of_hull = |resolution: usize| hull(&pictures, center, side, resolution, 0.0, &mut || work.goes_on());
+    let Ok(rough) = of_hull(LEAST) else { return work.goes_on().map(|()| false) };
     let extent = LEAST as f64 * rough.step / pixel;
     let samples = of_hull(((SAMPLES * extent) as usize).clamp(LEAST, FINEST))?;
     // The hull of narrower masks is where the samples are larger.

@@ -17,7 +17,7 @@ use crate::{
 };
 use glam::{DMat3, DMat4, DVec3};
 use softras::{
-    Camera, CameraGradient, Image, Renderer, Result, Scene, Settings, parts,
+    Camera, CameraGradient, Image, Result, Scene, Settings, parts,
     scene::{Appearance, Background, Interpolation},
 };
 use softras_io::Views;
@@ -173,11 +173,11 @@ struct Given {
 
 /// How much the views of an object disagree with the cameras that it has; `None` without a hull.
 fn measured(subject: &Subject, work: &mut Work) -> Result<Option<Given>> {
-    let Some((mut before, silhouette)) = disagreement(subject, &subject.views, work.renderer)? else { return Ok(None) };
+    let Some((mut before, silhouette)) = disagreement(subject, &subject.views, work)? else { return Ok(None) };
     work.goes_on()?;
     // The silhouettes of a hull agree. Their part that its own hull leaves open is due to samples, as where the object is thin.
     let of_hull = Views { cameras: subject.views.cameras.clone(), silhouette: Some(silhouette), ..Views::default() };
-    let by_samples = disagreement(subject, &of_hull, work.renderer)?.map_or(0.0, |(of_hull, _)| of_hull.masks);
+    let by_samples = disagreement(subject, &of_hull, work)?.map_or(0.0, |(of_hull, _)| of_hull.masks);
     before.masks -= by_samples;
     Ok(Some(Given { beyond_samples: before, by_samples }))
 }
@@ -201,7 +201,7 @@ fn attempt(subject: &mut Subject, stages: &[Stage], given: &Given, work: &mut Wo
         }
     }
     subject.views.cameras = motions.cameras(&cameras)?;
-    let after = disagreement(subject, &subject.views, work.renderer);
+    let after = disagreement(subject, &subject.views, work);
     let cameras = std::mem::replace(&mut subject.views.cameras, cameras);
     Ok(after?.map(|(mut left, _)| {
         left.masks -= given.by_samples;
@@ -220,8 +220,9 @@ impl Stage {
         let (center, side) = subject.cube();
         let (height, width) = views.size()?;
         let resolution = height.min(width).clamp(LEAST_SIDE, 96);
-        let Ok(Some(start)) = wide_hull(&views, center, side, resolution, SLACK * off * subject.pixel) else {
-            return Ok(false);
+        let slack = SLACK * off * subject.pixel;
+        let Ok(Some(start)) = wide_hull(&views, center, side, resolution, slack, &mut || work.goes_on()) else {
+            return work.goes_on().map(|()| false);
         };
         let mut start = evened(&start, self.edge * subject.pixel * self.shrink as f64)?;
         if views.color.is_some() {
@@ -266,17 +267,19 @@ pub fn settings(subject: &Subject) -> Settings {
 }
 
 /// How much views of an object disagree on their hull, with what samples leave, and its own silhouettes; `None` without a hull.
-fn disagreement(subject: &Subject, views: &Views, renderer: &mut Renderer) -> Result<Option<(Disagreement, Image)>> {
+fn disagreement(subject: &Subject, views: &Views, work: &mut Work) -> Result<Option<(Disagreement, Image)>> {
     let Some(silhouettes) = &views.silhouette else { return Ok(None) };
     let (center, side) = subject.cube();
-    let Ok(Some(hull)) = wide_hull(views, center, side, subject.samples()?, 0.0) else { return Ok(None) };
+    let Ok(Some(hull)) = wide_hull(views, center, side, subject.samples()?, 0.0, &mut || work.goes_on()) else {
+        return work.goes_on().map(|()| None);
+    };
     let colors = match views.color {
-        Some(_) => exposure::disagreement(views, &hull, &settings(subject), renderer)?,
+        Some(_) => exposure::disagreement(views, &hull, &settings(subject), work.renderer)?,
         None => None,
     };
     let settings = hard(&settings(subject), views.size()?, 1);
     let mut shown = Image { data: Vec::with_capacity(silhouettes.data.len()), ..*silhouettes };
-    parts::in_batches(renderer, &Scene::new(hull), &views.cameras, &settings, |_, frame| {
+    parts::in_batches(work.renderer, &Scene::new(hull), &views.cameras, &settings, |_, frame| {
         shown.data.extend_from_slice(&frame.silhouette()?.data);
         Ok(())
     })?;

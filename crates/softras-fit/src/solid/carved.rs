@@ -38,7 +38,7 @@ pub fn carved(
     side: f64,
     resolution: usize,
 ) -> Result<Mesh> {
-    cut_to(samples(of, center, side, resolution)?, of, mesh, missing)
+    cut_to(samples(of, center, side, resolution, &mut || Ok(()))?, of, mesh, missing)
 }
 
 /// As [`carved`], from the samples of the views' hull.

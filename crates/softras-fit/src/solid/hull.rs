@@ -11,6 +11,7 @@ use crate::cores::on_all_cores;
 use crate::mesh::regions::{is_border, regions};
 use crate::optimize::shape::{known, masked};
 use crate::optimize::soft_target::signed_distance;
+use crate::work::GoesOn;
 use glam::DVec3;
 use rayon::prelude::*;
 use softras::{
@@ -30,6 +31,9 @@ const LEAST_PART: f64 = 1e-3;
 const FINE_HEIGHT: usize = 1024;
 /// The most that they are enlarged.
 pub(crate) const MOST_ENLARGED: usize = 4;
+/// Pictures, and rows of samples, that are worked on before the caller is asked whether to go on.
+const PICTURES_AT_ONCE: usize = 16;
+const ROWS_AT_ONCE: usize = 256;
 
 /// The visual hull of the silhouettes, less what the depths show to be empty, within the cube of side `side` around `center`,
 /// in world units. Its triangles' edges are about as long as the hull's longest extent divided by `resolution`, 8 to 256.
@@ -41,12 +45,18 @@ pub(crate) const MOST_ENLARGED: usize = 4;
 /// an inside, silhouettes whose cameras have no point in common; for a camera of [`Projection::Official`] or
 /// [`Projection::Screen`]; and for a cube or a resolution out of range.
 pub fn visual_hull(of: &Views, center: [f64; 3], side: f64, resolution: usize) -> Result<Mesh> {
-    meshed(samples(of, center, side, resolution)?, of)
+    meshed(samples(of, center, side, resolution, &mut || Ok(()))?, of)
 }
 
 /// The samples of the visual hull.
-pub(crate) fn samples(of: &Views, center: [f64; 3], side: f64, resolution: usize) -> Result<Samples> {
-    hull(&views(of, MOST_ENLARGED)?, center, side, resolution, 0.0)
+pub(crate) fn samples(
+    of: &Views,
+    center: [f64; 3],
+    side: f64,
+    resolution: usize,
+    goes_on: &mut GoesOn,
+) -> Result<Samples> {
+    hull(&views(of, MOST_ENLARGED, goes_on)?, center, side, resolution, 0.0, goes_on)
 }
 
 /// The visual hull as a mesh, of its samples.
@@ -67,12 +77,20 @@ pub(crate) fn wide_hull(
     side: f64,
     resolution: usize,
     slack: f64,
+    goes_on: &mut GoesOn,
 ) -> Result<Option<Mesh>> {
-    hull(&views(of, 1)?, center, side, resolution, slack)?.mesh()
+    hull(&views(of, 1, goes_on)?, center, side, resolution, slack, goes_on)?.mesh()
 }
 
 /// The samples of the hull of silhouettes that are wider by `slack`, on a grid around it.
-pub(crate) fn hull(views: &[View], center: [f64; 3], side: f64, resolution: usize, slack: f64) -> Result<Samples> {
+pub(crate) fn hull(
+    views: &[View],
+    center: [f64; 3],
+    side: f64,
+    resolution: usize,
+    slack: f64,
+    goes_on: &mut GoesOn,
+) -> Result<Samples> {
     if !(8..=MAX_RESOLUTION).contains(&resolution) {
         return bad(format!("a hull of {resolution} samples a side"), "use 8 to 256");
     }
@@ -80,7 +98,7 @@ pub(crate) fn hull(views: &[View], center: [f64; 3], side: f64, resolution: usiz
         return bad(format!("a hull in a cube of side {side:?} around {center:?}"), "use a finite side above 0");
     }
     let mut coarse = Samples::new(DVec3::from(center) - 0.5 * side, side, COARSE);
-    carve(&mut coarse, views, slack, View::outline_distance);
+    carve(&mut coarse, views, slack, View::outline_distance, goes_on)?;
     let Some((low, high)) = inside(&coarse) else {
         let fix = "check that every camera belongs to its picture, and that the object is in all of them";
         return bad("no solid fits the silhouettes", fix);
@@ -88,7 +106,7 @@ pub(crate) fn hull(views: &[View], center: [f64; 3], side: f64, resolution: usiz
     // Two samples more on each side than the hull takes.
     let side = (high - low).max_element() * (1.0 + 4.0 / resolution as f64);
     let mut grid = Samples::new((low + high) * 0.5 - 0.5 * side, side, resolution);
-    carve(&mut grid, views, slack, View::distance);
+    carve(&mut grid, views, slack, View::distance, goes_on)?;
     (0..3).for_each(|axis| blur(&mut grid, axis));
     Ok(grid)
 }
@@ -110,7 +128,7 @@ pub(crate) struct View {
 }
 
 /// The views of all targets, their silhouettes enlarged `times` times at most.
-pub(crate) fn views(targets: &Views, times: usize) -> Result<Vec<View>> {
+pub(crate) fn views(targets: &Views, times: usize, goes_on: &mut GoesOn) -> Result<Vec<View>> {
     let Some(silhouettes) = &targets.silhouette else {
         return bad("a hull without silhouettes", "give the targets' silhouettes");
     };
@@ -138,9 +156,15 @@ pub(crate) fn views(targets: &Views, times: usize) -> Result<Vec<View>> {
         let steepest = if jumps { f64::INFINITY } else { steepest(&camera, picture.width as f64, height) };
         Ok(View { camera, distance, height, is_cut, depths, steepest })
     };
-    // All are looked at before the first error is taken, so that it is the same each time.
-    let views: Vec<Result<View>> = on_all_cores(|| targets.cameras.par_iter().enumerate().map(view).collect());
-    views.into_iter().collect()
+    let pictures: Vec<(usize, &Camera)> = targets.cameras.iter().enumerate().collect();
+    let mut views = Vec::with_capacity(pictures.len());
+    for some in pictures.chunks(PICTURES_AT_ONCE) {
+        // All are looked at before the first error is taken, so that it is the same each time.
+        let some: Vec<Result<View>> = on_all_cores(|| some.par_iter().copied().map(view).collect());
+        views.extend(some.into_iter().collect::<Result<Vec<_>>>()?);
+        goes_on()?;
+    }
+    Ok(views)
 }
 
 /// The most that the distance from an outline changes by, in world units, as a point that is seen within a picture moves by one.
@@ -280,7 +304,13 @@ struct Place {
 }
 
 /// Sets each sample to the least of the views' distances and the slack.
-fn carve(grid: &mut Samples, views: &[View], slack: f64, distance: impl Fn(&View, DVec3) -> Option<f64> + Sync) {
+fn carve(
+    grid: &mut Samples,
+    views: &[View],
+    slack: f64,
+    distance: impl Fn(&View, DVec3) -> Option<f64> + Sync,
+    goes_on: &mut GoesOn,
+) -> Result<()> {
     // Distances beyond some samples do not matter, and what no picture shows is outside.
     let far = far(grid);
     let mut values = std::mem::take(&mut grid.values);
@@ -309,8 +339,14 @@ fn carve(grid: &mut Samples, views: &[View], slack: f64, distance: impl Fn(&View
             *value = if least == f32::MAX { -far } else { least.clamp(-far, far) };
         }
     };
-    on_all_cores(|| values.par_chunks_mut(grid.resolution).enumerate().for_each(carve_row));
+    let (rows, at_once) = (grid.resolution, ROWS_AT_ONCE * grid.resolution);
+    for (part, values) in values.chunks_mut(at_once).enumerate() {
+        let numbered = |(row, values)| carve_row((part * ROWS_AT_ONCE + row, values));
+        on_all_cores(|| values.par_chunks_mut(rows).enumerate().for_each(numbered));
+        goes_on()?;
+    }
     grid.values = values;
+    Ok(())
 }
 
 /// The most that a sample is; its opposite is the least.
@@ -426,15 +462,15 @@ mod tests {
         });
         let data = data.collect();
         let silhouette = Some(Image { batch: cameras.len(), height: SIDE, width: SIDE, channels: 1, data });
-        let mut all = views(&Views { cameras, silhouette, ..Views::default() }, 4).unwrap();
+        let mut all = views(&Views { cameras, silhouette, ..Views::default() }, 4, &mut || Ok(())).unwrap();
         assert_eq!(all.iter().filter(|view| view.steepest.is_infinite()).count(), 1);
         for slack in [0.0, 0.02, 0.2] {
             let mut some = Samples::new(DVec3::splat(-0.7), 1.4, 56);
             let mut whole = some.clone();
-            carve(&mut some, &all, slack, View::distance);
+            carve(&mut some, &all, slack, View::distance, &mut || Ok(())).unwrap();
             let steepest: Vec<f64> = all.iter().map(|view| view.steepest).collect();
             all.iter_mut().for_each(|view| view.steepest = f64::INFINITY);
-            carve(&mut whole, &all, slack, View::distance);
+            carve(&mut whole, &all, slack, View::distance, &mut || Ok(())).unwrap();
             all.iter_mut().zip(steepest).for_each(|(view, steepest)| view.steepest = steepest);
             assert_eq!(some.values, whole.values);
             let deep = whole.values.iter().filter(|value| **value >= far(&whole)).count();

@@ -4,7 +4,9 @@ use crate::common;
 use crate::meshes::{PERSPECTIVE, cameras, cube, mapped, moved};
 use softras::scene::{Appearance, Outputs};
 use softras::{Error, Frame, Image, ImageGradient, Lights, Mesh, Renderer, RendererOptions, Scene, Settings, shapes};
-use softras_fit::{Fit, FitOptions, ImageLoss, ShapeFit, ShapeOptions, ShapeRun, ViewsOfMesh};
+use softras_fit::{
+    Event, Fit, FitOptions, ImageLoss, Regularizer, ShapeFit, ShapeOptions, ShapeRun, Stage, ViewsOfMesh,
+};
 use softras_io::Views;
 use std::ops::ControlFlow;
 
@@ -184,4 +186,50 @@ fn large_steps_compare_half_of_many_views() {
     assert_ne!(of_itself[0], all[0]);
     assert_ne!(of_itself[3], few[3], "all views from the fourth step on");
     assert_eq!(losses(23, 0), losses(23, 23));
+}
+
+#[test]
+fn the_sum_over_the_edges_of_a_large_mesh_weighs_less() {
+    let mut renderer = common::renderer();
+    let mut of = |edge: f64, flatten: Option<f64>| {
+        let views = ViewsOfMesh { count: 12, size: (SIDE, SIDE), ..ViewsOfMesh::default() };
+        let mut fit = Fit::of_mesh(shapes::icosphere(3).unwrap(), &views, &mut renderer).unwrap();
+        fit.options = FitOptions { iterations: Some(1), edge: Some((edge, edge)), flatten, ..fit.options };
+        let fitted = fit.run(&mut renderer, |_| ControlFlow::Continue(())).unwrap();
+        (fitted.mesh.triangles().len() as f64, fitted.options.regularizers)
+    };
+    let (laplacian, flatten) = ((Regularizer::Laplacian, 0.01), 3e-5);
+    let (triangles, weights) = of(2.0, None);
+    assert!(triangles < 6000.0 && weights == [laplacian, (Regularizer::Flatten, flatten)], "{triangles} {weights:?}");
+    let (triangles, weights) = of(0.3, None);
+    let share = 6000.0 / triangles;
+    assert!(share < 0.9 && weights == [laplacian, (Regularizer::Flatten, flatten * share)], "{triangles} {weights:?}");
+    // A weight that is given is the weight.
+    assert_eq!(of(0.3, Some(flatten)).1, [laplacian, (Regularizer::Flatten, flatten)]);
+}
+
+#[test]
+fn a_fit_can_be_broken_while_its_hull_is_made_and_while_it_is_judged() {
+    let mut renderer = common::renderer();
+    let views = ViewsOfMesh { count: 12, size: (SIDE, SIDE), ..ViewsOfMesh::default() };
+    let mut fit = Fit::of_mesh(shapes::icosphere(3).unwrap(), &views, &mut renderer).unwrap();
+    fit.options.iterations = Some(1);
+    // The events of each stage until one is the last, and what comes of it.
+    let mut broken_at = |stage: Stage, most: usize| {
+        let mut heard = 0;
+        let outcome = fit.clone().run(&mut renderer, |event| {
+            heard += usize::from(matches!(event, Event::Progress(at) if at.stage == stage));
+            if heard == most { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        });
+        (heard, outcome)
+    };
+    let (heard, whole) = broken_at(Stage::Start, usize::MAX);
+    assert!(heard > 10 && whole.unwrap().is_complete, "{heard}");
+    let (_, outcome) = broken_at(Stage::Start, heard / 2);
+    assert!(outcome.unwrap_err().to_string().contains("a fit that was stopped"));
+    let (heard, _) = broken_at(Stage::Scores, usize::MAX);
+    assert!(heard > 12, "{heard}");
+    let fitted = broken_at(Stage::Scores, heard / 2).1.unwrap();
+    assert!(!fitted.is_complete && fitted.scores.masks.is_empty() && !fitted.mesh.triangles().is_empty());
+    assert_eq!(fitted.scores.sentence(), "not judged, 1 part of genus 0");
 }

@@ -110,6 +110,12 @@ pub fn read(
     let most = kept_side(options, &sizes);
     claim(options, path, &sizes, most, budget)?;
     let cameras = found.iter().map(|one| one.entry.camera(&list, one.size)).collect::<Result<Vec<_>>>()?;
+    for Found { entry, size: (width, height), .. } in found.iter().filter(|one| one.entry.is_upright(one.size)) {
+        told.add(
+            &entry.file,
+            format!("the camera is one of {height}×{width} pixels: was the picture turned after it?"),
+        );
+    }
     let shared = shared_background(path, &found)?;
     let (count, mut bare, mut album) = (found.len(), 0, Album::default());
     for (one, camera) in found.into_iter().zip(cameras) {

@@ -296,3 +296,24 @@ fn what_no_set_has_is_refused() {
     let error = read(folder.path()).unwrap_err().to_string();
     assert!(error.contains("none of its 2 pictures is there: p0.jpg"), "{error}");
 }
+
+#[test]
+fn pictures_that_were_turned_after_their_cameras_are_told_of() {
+    let set = Set { is_off_center: true, ..Set::default() };
+    for format in ["list", "par", "npz"] {
+        let folder = tempfile::tempdir().unwrap();
+        let names = set.write(folder.path(), format);
+        let told = || read(folder.path()).unwrap().1.into_iter().find(|note| note.contains("was the picture turned"));
+        assert_eq!(told(), None, "{format}");
+        for name in &names {
+            let path = folder.path().join(name);
+            let picture = image::open(&path).unwrap().into_rgb8();
+            write_jpeg(&path, image::imageops::rotate90(&picture), 0, false);
+        }
+        let [width, height] = SIZE;
+        let expected = format!(
+            "p0.jpg and 3 more: the camera is one of {width}×{height} pixels: was the picture turned after it?"
+        );
+        assert_eq!(told(), Some(expected), "{format}");
+    }
+}

@@ -63,7 +63,15 @@ pub fn run(args: &FitArgs) -> Result<(), Failure> {
     if let Some(path) = &files.save_cameras {
         fitting.views().save_cameras(path)?;
     }
-    let fitted = fitting.finish(painted, &mut renderer)?;
+    if stop.load(Ordering::Relaxed)
+        && let Some((best, _)) = fitting.best()
+    {
+        // A second Ctrl-C ends the process at once, while the mesh is judged.
+        save(best)?;
+    }
+    let told = Progress::spinner("scores");
+    let fitted = fitting.finish(painted, &mut renderer, &mut |event| tell(&told, event, stop))?;
+    drop(told);
     save(&fitted.mesh)?;
     if let (Some(path), Some(film)) = (&files.gif, film) {
         film.write(path)?;

@@ -145,15 +145,27 @@ impl Entry {
         if self.size.is_some_and(|size| (size == stored) != (size == turned)) {
             return self.size == Some(turned);
         }
-        let Lens::Pixels { cx, cy, .. } = self.lens else { return !self.is_stored };
+        self.is_nearer(stored, turned).unwrap_or(!self.is_stored)
+    }
+
+    /// Whether the principal point is much nearer to the middle of the turned picture than to that of the stored one, or the other way
+    /// round; `None` where it is neither.
+    fn is_nearer(&self, stored: (u32, u32), turned: (u32, u32)) -> Option<bool> {
+        let Lens::Pixels { cx, cy, .. } = self.lens else { return None };
         let far = |(width, height): (u32, u32)| {
             (2.0 * cx / f64::from(width) - 1.0).abs().max((2.0 * cy / f64::from(height) - 1.0).abs())
         };
         match (far(stored), far(turned)) {
-            (stored, turned) if 2.0 * stored < turned => false,
-            (stored, turned) if 2.0 * turned < stored => true,
-            _ => !self.is_stored,
+            (stored, turned) if 2.0 * stored < turned => Some(false),
+            (stored, turned) if 2.0 * turned < stored => Some(true),
+            _ => None,
         }
+    }
+
+    /// Whether the principal point is near the middle of a picture of the other format alone: somebody turned the picture, and saved
+    /// it so, after its camera was found.
+    pub fn is_upright(&self, (width, height): (u32, u32)) -> bool {
+        self.size.is_none() && self.is_nearer((width, height), (height, width)) == Some(true)
     }
 
     /// Where the distorted picture shows what a pinhole's picture has at a column and a row.
