@@ -330,7 +330,7 @@ pub struct MethodArgs {
     /// Weight of the Laplacian regulariser
     #[arg(long, value_name = "WEIGHT", value_parser = weight)]
     pub laplacian: Option<f64>,
-    /// Weight of the flatten regulariser [default: 3e-5, less for over 6000 triangles]
+    /// Weight of the flatten regulariser [default: 3e-5, 1e-6 if lit; less for over 6000 triangles]
     #[arg(long, value_name = "WEIGHT", value_parser = weight)]
     pub flatten: Option<f64>,
     /// Weight of the normal consistency regulariser
