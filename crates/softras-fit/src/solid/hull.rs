@@ -31,9 +31,9 @@ const LEAST_PART: f64 = 1e-3;
 const FINE_HEIGHT: usize = 1024;
 /// The most that they are enlarged.
 pub(crate) const MOST_ENLARGED: usize = 4;
-/// Pictures, and rows of samples, that are worked on before the caller is asked whether to go on.
-const PICTURES_AT_ONCE: usize = 16;
-const ROWS_AT_ONCE: usize = 256;
+/// Pictures that are worked on before the caller is asked whether to go on, and parts of the samples: few, since each starts threads.
+const PICTURES_AT_ONCE: usize = 64;
+const PARTS: usize = 16;
 
 /// The visual hull of the silhouettes, less what the depths show to be empty, within the cube of side `side` around `center`,
 /// in world units. Its triangles' edges are about as long as the hull's longest extent divided by `resolution`, 8 to 256.
@@ -339,10 +339,10 @@ fn carve(
             *value = if least == f32::MAX { -far } else { least.clamp(-far, far) };
         }
     };
-    let (rows, at_once) = (grid.resolution, ROWS_AT_ONCE * grid.resolution);
-    for (part, values) in values.chunks_mut(at_once).enumerate() {
-        let numbered = |(row, values)| carve_row((part * ROWS_AT_ONCE + row, values));
-        on_all_cores(|| values.par_chunks_mut(rows).enumerate().for_each(numbered));
+    let at_once = grid.resolution.pow(2).div_ceil(PARTS);
+    for (part, values) in values.chunks_mut(at_once * grid.resolution).enumerate() {
+        let numbered = |(row, values)| carve_row((part * at_once + row, values));
+        on_all_cores(|| values.par_chunks_mut(grid.resolution).enumerate().for_each(numbered));
         goes_on()?;
     }
     grid.values = values;

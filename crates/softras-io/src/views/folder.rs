@@ -110,7 +110,7 @@ pub fn read(
     let most = kept_side(options, &sizes);
     claim(options, path, &sizes, most, budget)?;
     let cameras = found.iter().map(|one| one.entry.camera(&list, one.size)).collect::<Result<Vec<_>>>()?;
-    for Found { entry, size: (width, height), .. } in found.iter().filter(|one| one.entry.is_upright(one.size)) {
+    for Found { entry, size: (width, height), .. } in found.iter().filter(|one| one.entry.was_turned(one.size)) {
         told.add(
             &entry.file,
             format!("the camera is one of {height}×{width} pixels: was the picture turned after it?"),

@@ -164,7 +164,7 @@ impl Entry {
 
     /// Whether the principal point is near the middle of a picture of the other format alone: somebody turned the picture, and saved
     /// it so, after its camera was found.
-    pub fn is_upright(&self, (width, height): (u32, u32)) -> bool {
+    pub fn was_turned(&self, (width, height): (u32, u32)) -> bool {
         self.size.is_none() && self.is_nearer((width, height), (height, width)) == Some(true)
     }
 
