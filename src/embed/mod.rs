@@ -24,6 +24,7 @@ pub use pass::rebind::Rebound;
 pub use pass::store::{FrameImage, ImageBindings};
 pub use place::counts::Counts;
 
+pub use crate::frame::pack::InputChanges;
 pub use crate::frame::plan::Capacity;
 pub use crate::frame::rasterizer::Rasterizer;
 pub use crate::vulkan::{

@@ -3,7 +3,7 @@
 use crate::constants as c;
 use crate::frame::buffers::BufferId;
 use crate::frame::frame_plan::FramePlan;
-use crate::frame::pack::{Changes, MeshShape, MeshTables, camera_texels, light_texels};
+use crate::frame::pack::{InputChanges, MeshTables, camera_texels, light_texels};
 use crate::scene::{Camera, Scene, Settings, Shading};
 
 /// The inputs of a frame as the kernels read them, from a scene that the host has in its memory.
@@ -17,8 +17,6 @@ pub struct Inputs {
     /// Whether the images, `saved`, `tile_bounds` and `tile_marks` still hold what the last frame of the same plan wrote, so
     /// that tiles that were empty and still are need not be written again. Leave it false if you do not know.
     pub background_kept: bool,
-    /// The counts and kinds of the meshes laid out.
-    meshes: Vec<MeshShape>,
     adjacent: bool,
     shapes: Vec<[u32; 4 * c::SHAPE_TEXELS as usize]>,
     cameras: Vec<[[f32; 4]; c::CAMERA_TEXELS as usize]>,
@@ -32,15 +30,16 @@ impl Inputs {
     /// Lays out the inputs of the next frame, and returns those whose bytes differ from the last frame's. Topology, UVs and
     /// textures are compared and copied only if they differ; a [`Texture`](crate::scene::Texture) that is a clone of the
     /// last one is not compared either.
-    pub fn update(&mut self, scene: &Scene, cameras: &[Camera], settings: &Settings, plan: &FramePlan) -> Changes {
+    pub fn update(&mut self, scene: &Scene, cameras: &[Camera], settings: &Settings, plan: &FramePlan) -> InputChanges {
         let adjacency = scene.lights.shading == Shading::Smooth || settings.save;
-        let fits = self.meshes == plan.shape.meshes && (self.adjacent || !adjacency);
-        let mut changes = if fits { self.tables.update(scene) } else { None }.unwrap_or_else(|| {
+        let has_shapes = self.tables.shapes == plan.shape.meshes && (self.adjacent || !adjacency);
+        let mut changes = if has_shapes && self.tables.has_triangles_of(scene) {
+            self.tables.update(scene)
+        } else {
             self.adjacent = adjacency;
-            self.meshes.clone_from(&plan.shape.meshes);
             self.tables = MeshTables::new(scene, adjacency);
-            Changes::ALL
-        });
+            InputChanges::ALL
+        };
         let mut shapes = plan.view_shapes();
         if self.background_kept {
             shapes.iter_mut().for_each(|shape| shape[SHAPE_FLAGS] |= c::SHAPE_MARKS_VALID);
@@ -53,24 +52,13 @@ impl Inputs {
     }
 
     /// The id and the bytes of every input; empty for an input that the frame does not need.
-    pub fn all(&self) -> [(BufferId, &[u8]); 14] {
-        let tables = &self.tables;
-        [
+    pub fn all(&self) -> impl Iterator<Item = (BufferId, &[u8])> {
+        let of_frame: [(_, &[u8]); 3] = [
             (BufferId::ViewShapes, bytemuck::cast_slice(&self.shapes)),
             (BufferId::ViewCameras, bytemuck::cast_slice(&self.cameras)),
-            (BufferId::Positions, bytemuck::cast_slice(&tables.positions)),
-            (BufferId::Indices, bytemuck::cast_slice(&tables.indices)),
-            (BufferId::Adjacency, bytemuck::cast_slice(&tables.adjacency)),
-            (BufferId::VertexNormals, bytemuck::cast_slice(&tables.normals)),
             (BufferId::Lights, bytemuck::cast_slice(&self.lights)),
-            (BufferId::Colors, bytemuck::cast_slice(&tables.colors)),
-            (BufferId::Features, bytemuck::cast_slice(&tables.features)),
-            (BufferId::Uvs, bytemuck::cast_slice(&tables.uvs)),
-            (BufferId::UvIndices, bytemuck::cast_slice(&tables.uv_indices)),
-            (BufferId::TriangleTextures, bytemuck::cast_slice(&tables.triangle_textures)),
-            (BufferId::Textures, bytemuck::cast_slice(&tables.textures)),
-            (BufferId::Texels, bytemuck::cast_slice(&tables.texels)),
-        ]
+        ];
+        of_frame.into_iter().chain(self.tables.all())
     }
 }
 

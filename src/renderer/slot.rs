@@ -8,7 +8,7 @@ use crate::error::Result;
 use crate::frame::bindings::{FrameBindings, GradientBindings};
 use crate::frame::buffers::{BufferId, BufferSet, Role};
 use crate::frame::frame_plan::{BufferRequirement, Differentiate, FramePlan, GradientPlan};
-use crate::frame::pack::Changes;
+use crate::frame::pack::InputChanges;
 use crate::frame::passes::{BACKWARD_TIMESTAMPS, BackwardStage, FORWARD_TIMESTAMPS, ForwardStage};
 use crate::frame::plan::Rare;
 use crate::frame::shape::FrameShape;
@@ -123,7 +123,7 @@ impl Slot {
         self.saved = None;
         self.finished = false;
         self.inputs = Inputs::default();
-        self.uploads.stale = Changes::ALL;
+        self.uploads.stale = InputChanges::ALL;
         self.buffers = BufferSet::default();
     }
 

@@ -2,30 +2,30 @@
 
 use crate::error::Result;
 use crate::frame::buffers::{BufferId, BufferSet};
-use crate::frame::pack::Changes;
+use crate::frame::pack::InputChanges;
 use crate::vulkan::{CommandBuffer, Context};
 
 /// The inputs to upload before a frame.
 pub(super) struct Uploads {
     /// Inputs whose bytes on the device are not those of the host.
-    pub stale: Changes,
+    pub stale: InputChanges,
     /// The stale inputs that were written for the next submission.
-    written: Changes,
+    written: InputChanges,
     /// Bytes written for the latest frame.
     pub bytes: u64,
     commands: CommandBuffer,
     /// The inputs that `commands` copies.
-    recorded: Changes,
+    recorded: InputChanges,
 }
 
 impl Uploads {
     pub(super) fn new(context: &Context) -> Result<Self> {
         Ok(Self {
-            stale: Changes::ALL,
-            written: Changes::default(),
+            stale: InputChanges::ALL,
+            written: InputChanges::default(),
             bytes: 0,
             commands: CommandBuffer::new(context, "softras uploads")?,
-            recorded: Changes::default(),
+            recorded: InputChanges::default(),
         })
     }
 
@@ -37,14 +37,14 @@ impl Uploads {
 
     /// Records the copies of the inputs that were written, unless they are those recorded last, as in an optimization loop.
     pub(super) fn record(&mut self, buffers: &BufferSet) -> Result<()> {
-        let mut wanted = Changes::default();
+        let mut wanted = InputChanges::default();
         for (id, buffer) in buffers.shared() {
             wanted.note(id, self.written.has(id) && !buffer.is_direct());
         }
         if wanted == self.recorded {
             return Ok(());
         }
-        self.recorded = Changes::default();
+        self.recorded = InputChanges::default();
         if !wanted.is_empty() {
             self.commands.record(|recorder| {
                 let written = buffers.shared().filter(|(id, _)| wanted.has(*id));
@@ -63,11 +63,11 @@ impl Uploads {
     /// Notes that the submission is complete.
     pub(super) fn done(&mut self) {
         self.stale = self.stale.without(self.written);
-        self.written = Changes::default();
+        self.written = InputChanges::default();
     }
 
     /// Forgets the recorded copies, whose buffers were replaced.
     pub(super) fn forget(&mut self) {
-        self.recorded = Changes::default();
+        self.recorded = InputChanges::default();
     }
 }

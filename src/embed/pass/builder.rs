@@ -6,8 +6,8 @@ use crate::embed::host::camera::{CameraMatrices, ClipSpace, HostCamera};
 use crate::embed::host::mesh::PassMesh;
 use crate::embed::place::tables::Tables;
 use crate::error::{Error, Result};
-use crate::frame::buffers::BufferId;
-use crate::frame::frame_plan::{Differentiate, FramePlan, GradientPlan};
+use crate::frame::buffers::{BufferId, Role};
+use crate::frame::frame_plan::{BufferRequirement, Differentiate, FramePlan, GradientPlan};
 use crate::frame::plan::{Capacity, DepthSpan};
 use crate::frame::rasterizer::Rasterizer;
 use crate::frame::shape::FrameShape;
@@ -283,7 +283,8 @@ impl PassBuilder {
         }
         let wishes = Wishes { alignment: self.alignment, own: &self.own, read_back: &read_back };
         let added = gradients.as_ref().map_or(&[][..], GradientPlan::buffers);
-        let layouts = Layouts::new(frame.buffers(), added, &tables, &wishes)?;
+        let setup = self.content.setup(&tables, &frame);
+        let layouts = Layouts::new(frame.buffers(), added, (&tables, &setup), &wishes)?;
         Ok(PassPlan { builder: self, frame, gradients, settings, cameras, tables, layouts })
     }
 
@@ -344,9 +345,21 @@ const DECODED: [PassBuffer; 5] = [
 impl Content {
     fn tables(&self, adjacency: bool) -> Result<Tables> {
         match self {
-            Self::Scene(scene) => Ok(Tables::of_scene(scene, adjacency)),
+            Self::Scene(_) => Ok(Tables { adjacency, ..Tables::default() }),
             Self::Meshes { meshes, separate: true } => Tables::new(&meshes.chunks(1).collect::<Vec<_>>(), adjacency),
             Self::Meshes { meshes, separate: false } => Tables::new(&[&meshes[..]], adjacency),
+        }
+    }
+
+    /// What the setup copies: a buffer, where in it, and bytes.
+    fn setup(&self, tables: &Tables, frame: &FramePlan) -> Vec<(BufferId, u64, u64)> {
+        const OF_FRAME: [BufferId; 3] = [BufferId::ViewShapes, BufferId::ViewCameras, BufferId::Lights];
+        match self {
+            Self::Scene(_) => {
+                let of_meshes = |b: &&BufferRequirement| b.id.row().role == Role::Input && !OF_FRAME.contains(&b.id);
+                frame.buffers().iter().filter(of_meshes).map(|b| (b.id, 0, b.size)).collect()
+            }
+            Self::Meshes { .. } => tables.segments.iter().map(|s| (s.id, s.at, s.bytes.len() as u64)).collect(),
         }
     }
 

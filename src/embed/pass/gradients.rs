@@ -22,7 +22,7 @@ impl Pass {
     /// [`Error::Backward`] for a pass without gradients; [`Error::Host`] for fewer bytes than the readback buffer has, or bytes
     /// that do not begin at a multiple of 4; [`Error::NotFinite`] if a gradient overflows single precision.
     pub fn decode_gradients(&self, readback: &[u8]) -> Result<Gradients> {
-        let PassPlan { frame, gradients, layouts, settings, tables, cameras, .. } = &self.plan;
+        let PassPlan { frame, gradients, layouts, settings, cameras, .. } = &self.plan;
         let Some(plan) = gradients else {
             let what = "the pass computes no gradients".into();
             return Err(Error::Backward { what, fix: "plan it with PassBuilder::gradients".into() });
@@ -41,17 +41,16 @@ impl Pass {
             scalars: asked.scalars && totals,
             ..asked
         };
-        let uv_indices = tables.segments.iter().filter(|segment| segment.id == BufferId::UvIndices);
-        let tables = MeshTables {
-            layouts: frame.layouts.clone(),
-            shapes: frame.shape.meshes.clone(),
-            images: tables.images.clone(),
-            uv_indices: uv_indices.flat_map(|s| s.bytes.as_chunks().0).map(|&word| u32::from_ne_bytes(word)).collect(),
-            ..MeshTables::default()
+        let of_meshes;
+        let tables = if let Some(scene) = &self.scene {
+            scene
+        } else {
+            of_meshes = self.plan.tables_of_meshes();
+            &of_meshes
         };
         let cameras: Vec<Camera> = cameras.iter().map(|view| view.camera).collect();
         let (wanted, lights) = (&wanted, &frame.shape.lights);
-        let decoder = Decoder { frame, plan, wanted, tables: &tables, cameras: &cameras, settings, lights };
+        let decoder = Decoder { frame, plan, wanted, tables, cameras: &cameras, settings, lights };
         decoder.decode_floats(&|id, count| {
             let part = self.plan.part_read_back(id).map(|(at, size)| at as usize..(at + size) as usize);
             let fail = |what: String| Err(Error::Host { what, fix: "give the whole readback buffer".into() });
@@ -61,5 +60,18 @@ impl Pass {
                 Some(Ok(floats)) => Ok(floats),
             }
         })
+    }
+}
+
+impl PassPlan {
+    /// The tables of a host's meshes, as far as gradients are decoded by them.
+    fn tables_of_meshes(&self) -> MeshTables {
+        let uv_indices = self.tables.segments.iter().filter(|segment| segment.id == BufferId::UvIndices);
+        MeshTables {
+            layouts: self.frame.layouts.clone(),
+            shapes: self.frame.shape.meshes.clone(),
+            uv_indices: uv_indices.flat_map(|s| s.bytes.as_chunks().0).map(|&word| u32::from_ne_bytes(word)).collect(),
+            ..MeshTables::default()
+        }
     }
 }

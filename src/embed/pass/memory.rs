@@ -98,7 +98,7 @@ pub(crate) struct Layouts {
     pub own: Vec<(PassBuffer, MemoryRequirement)>,
     /// Table of draws of each mesh: offset in the upload and in the device buffer, bytes.
     pub draws: Vec<(u64, u64, u64)>,
-    /// Inputs of every frame, then those of the setup.
+    /// Inputs of every frame, then those of the setup: the views' shapes first.
     pub frame: Vec<Copy>,
     pub setup: Vec<Copy>,
     pub upload_size: u64,
@@ -123,7 +123,7 @@ impl Layouts {
     pub fn new(
         frame: &[BufferRequirement],
         gradients: &[BufferRequirement],
-        tables: &Tables,
+        (tables, setup): (&Tables, &[(BufferId, u64, u64)]),
         wishes: &Wishes<'_>,
     ) -> Result<Self> {
         let all = || frame.iter().chain(gradients);
@@ -164,9 +164,7 @@ impl Layouts {
             made.frame.extend(find(id).map(|requirement| copy(id, 0, requirement.size)));
         }
         made.setup.extend(find(BufferId::ViewShapes).map(|r| copy(BufferId::ViewShapes, 0, r.size)));
-        for segment in &tables.segments {
-            made.setup.push(copy(segment.id, segment.at, segment.bytes.len() as u64));
-        }
+        made.setup.extend(setup.iter().map(|&(id, at, size)| copy(id, at, size)));
         for placed in &tables.placed {
             let size = 32 * placed.geometry.draws().len() as u64;
             device = u64::next_multiple_of(device, alignment);

@@ -5,6 +5,7 @@ pub mod builder;
 mod gradients;
 pub mod memory;
 pub mod rebind;
+mod scene;
 pub mod store;
 
 use crate::constants as c;
@@ -17,7 +18,7 @@ use crate::embed::place::{By, GradientStep, Step};
 use crate::error::{Error, Result};
 use crate::frame::bindings::{FrameBindings, GradientBindings, parts_of_host};
 use crate::frame::buffers::BufferId;
-use crate::frame::pack::{camera_texels, light_texels};
+use crate::frame::pack::{MeshTables, camera_texels, light_texels};
 use crate::frame::passes::{BackwardStage, ForwardStage};
 use crate::frame::rasterizer::Rasterizer;
 use crate::vulkan::{BufferPart, BufferRef, HostCommands, Recorder, vk};
@@ -39,6 +40,8 @@ pub struct Pass {
     pub(crate) buffers: Vec<(BufferId, BufferRef)>,
     memory: [BufferRef; 3],
     meshes: Vec<MeshBuffers>,
+    /// The tables of its scene, as they are to lie on the device; `None` for a host's meshes.
+    pub(crate) scene: Option<MeshTables>,
     upload: BufferPart,
     readback: BufferPart,
     /// Tables of draws, then everything that the setup places.
@@ -91,6 +94,7 @@ impl Rasterizer {
         let part = |at| BufferPart::of_host(&self.device, at);
         let (upload, readback) = (part(&memory.upload), part(&memory.readback));
         let rasterizer = self.clone();
+        let scene = plan.scene().map(|scene| MeshTables::new(scene, plan.tables.adjacency));
         let mut pass = Pass {
             rasterizer,
             plan,
@@ -99,6 +103,7 @@ impl Rasterizer {
             buffers,
             memory: [memory.upload, memory.device, memory.readback],
             meshes: meshes.to_vec(),
+            scene,
             upload,
             readback,
             draws: Vec::new(),
@@ -285,11 +290,11 @@ impl Pass {
         self.write_frame(upload)?;
         let PassPlan { layouts, tables, frame, .. } = &self.plan;
         let shapes = frame.view_shapes();
-        let tables_bytes =
-            std::iter::once(bytemuck::cast_slice(&shapes)).chain(tables.segments.iter().map(|s| &s.bytes[..]));
-        for (copy, bytes) in layouts.setup.iter().zip(tables_bytes) {
+        let of_meshes = tables.segments.iter().map(|segment| &segment.bytes[..]);
+        for (copy, bytes) in layouts.setup.iter().zip(std::iter::once(bytemuck::cast_slice(&shapes)).chain(of_meshes)) {
             put(upload, copy.mapped, bytes)?;
         }
+        self.put_scene(upload, |_| true)?;
         for (placed, (at, ..)) in tables.placed.iter().zip(&layouts.draws) {
             put(upload, *at, bytemuck::cast_slice(&placed.geometry.table()))?;
         }
@@ -428,7 +433,7 @@ impl Pass {
         Ok(())
     }
 
-    fn copy_in(&self, recorder: &mut Recorder<'_>, copies: &[Copy]) -> Result<()> {
+    fn copy_in<'a>(&self, recorder: &mut Recorder<'_>, copies: impl IntoIterator<Item = &'a Copy>) -> Result<()> {
         for copy in copies {
             recorder.copy(&self.upload, copy.mapped, &self.part(copy.id)?, copy.at, copy.size)?;
         }

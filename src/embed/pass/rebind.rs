@@ -2,12 +2,11 @@
 
 use super::Pass;
 use super::buffers::PassBuffer;
-use super::builder::{Content, PassPlan, View, cutoff_of};
+use super::builder::{PassPlan, View, cutoff_of};
 use super::memory::PassMemory;
 use crate::embed::host::camera::{CameraMatrices, ClipSpace};
 use crate::embed::host::mesh::MeshBuffers;
 use crate::error::{Error, Result};
-use crate::frame::shape::FrameShape;
 use crate::scene::{Camera, Lights, Projection, Settings};
 
 /// The result of a [`rebind`](Pass::rebind).
@@ -120,24 +119,19 @@ impl PassPlan {
     /// The squared radius of support with other cameras and settings. Fails if a scene's triangles would cross a plane
     /// that they did not cross in the plan. It allocates only for a scene.
     fn cutoff(&self, cameras: impl Iterator<Item = Camera>, settings: &Settings) -> Result<f64> {
-        let Content::Scene(scene) = &self.builder.content else { return Ok(cutoff_of(settings)) };
-        let shape = FrameShape::of(scene, &cameras.collect::<Vec<_>>(), settings)?;
-        let planned = self.frame.shape.depth_span;
-        if planned.or(shape.depth_span) != planned {
-            let what = "with these cameras the scene crosses the near or the far plane".into();
-            return Err(Error::Host { what, fix: "plan and rebind with them".into() });
-        }
-        Ok(shape.cutoff)
+        let Some(scene) = self.scene() else { return Ok(cutoff_of(settings)) };
+        Ok(self.shape_of(scene, &cameras.collect::<Vec<_>>(), settings)?.cutoff)
     }
 
     /// Sets settings with their final near and far, and lights, if these need the same kernels and buffers.
-    fn set_frame(&mut self, settings: Settings, cutoff: f64, lights: Option<Lights>) -> Result<()> {
+    pub(super) fn set_frame(&mut self, settings: Settings, cutoff: f64, lights: Option<Lights>) -> Result<()> {
         let lights_used = lights.as_ref().unwrap_or(&self.frame.shape.lights);
         let push = self.frame.push_with(&settings, cutoff, lights_used)?;
         if let Some(gradients) = &mut self.gradients {
             gradients.set_push(push, &self.frame, lights_used, self.builder.largest_upstream);
         }
         self.frame.forward.push = push;
+        self.frame.shape.cutoff = cutoff;
         if let Some(lights) = lights {
             self.frame.shape.lights = lights;
         }

@@ -5,8 +5,8 @@ use crate::embed::host::geometry::Geometry;
 use crate::embed::host::mesh::{MeshLook, PassMesh};
 use crate::error::{Error, Result};
 use crate::frame::buffers::BufferId;
-use crate::frame::pack::{AppearanceShape, MeshShape, MeshTables, push_adjacency};
-use crate::scene::{Scene, Texture, Wrap};
+use crate::frame::pack::{AppearanceShape, MeshShape, push_adjacency};
+use crate::scene::Wrap;
 
 /// Bytes that go from the upload buffer into one of the frame's.
 #[derive(Clone, Debug, PartialEq)]
@@ -31,7 +31,7 @@ pub(crate) struct Placed {
     pub look: MeshLook,
 }
 
-/// All meshes of a pass.
+/// All meshes of a host's in a pass; nothing for a scene, whose tables the pass holds.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Tables {
     /// Whether they have an adjacency.
@@ -39,8 +39,6 @@ pub(crate) struct Tables {
     pub shapes: Vec<MeshShape>,
     pub placed: Vec<Placed>,
     pub segments: Vec<Segment>,
-    /// The textures of a scene.
-    pub images: Vec<Texture>,
 }
 
 /// The counts and the tables of all that was laid out so far.
@@ -58,24 +56,6 @@ struct Ends {
 }
 
 impl Tables {
-    /// Lays out a scene's meshes, which the host has in its own memory: nothing of them is placed by kernels.
-    pub fn of_scene(scene: &Scene, adjacency: bool) -> Self {
-        let tables = MeshTables::new(scene, adjacency);
-        let mut made = Self { adjacency, shapes: tables.shapes, images: tables.images, ..Self::default() };
-        made.segment(BufferId::Positions, 0, &tables.positions);
-        made.segment(BufferId::Indices, 0, &tables.indices);
-        made.segment(BufferId::Adjacency, 0, &tables.adjacency);
-        made.segment(BufferId::VertexNormals, 0, &tables.normals);
-        made.segment(BufferId::Colors, 0, &tables.colors);
-        made.segment(BufferId::Features, 0, &tables.features);
-        made.segment(BufferId::Uvs, 0, &tables.uvs);
-        made.segment(BufferId::UvIndices, 0, &tables.uv_indices);
-        made.segment(BufferId::TriangleTextures, 0, &tables.triangle_textures);
-        made.segment(BufferId::Textures, 0, &tables.textures);
-        made.segment(BufferId::Texels, 0, &tables.texels);
-        made
-    }
-
     /// Lays out the meshes that each view sees together, `groups` of them, one after the other.
     pub fn new(groups: &[&[PassMesh]], adjacency: bool) -> Result<Self> {
         let mut made = Self { adjacency, ..Self::default() };

@@ -7,9 +7,10 @@ mod layout;
 mod update;
 
 pub use layout::{AppearanceShape, MeshLayout, MeshShape, TableLayout};
-pub use update::Changes;
+pub use update::InputChanges;
 
 use crate::constants as c;
+use crate::frame::buffers::BufferId;
 use crate::frame::plan::split;
 use crate::scene::{Appearance, Camera, Lights, Mesh, Projection, Scene, Settings, Texture, Wrap};
 
@@ -64,6 +65,23 @@ impl MeshTables {
             tables.normals = scene.meshes.iter().flat_map(normal_values).collect();
         }
         tables
+    }
+
+    /// The bytes of each table and the buffer that takes them; empty for a table that the meshes do not need.
+    pub(crate) fn all(&self) -> [(BufferId, &[u8]); 11] {
+        [
+            (BufferId::Positions, bytemuck::cast_slice(&self.positions)),
+            (BufferId::Indices, bytemuck::cast_slice(&self.indices)),
+            (BufferId::Adjacency, bytemuck::cast_slice(&self.adjacency)),
+            (BufferId::VertexNormals, bytemuck::cast_slice(&self.normals)),
+            (BufferId::Colors, bytemuck::cast_slice(&self.colors)),
+            (BufferId::Features, bytemuck::cast_slice(&self.features)),
+            (BufferId::Uvs, bytemuck::cast_slice(&self.uvs)),
+            (BufferId::UvIndices, bytemuck::cast_slice(&self.uv_indices)),
+            (BufferId::TriangleTextures, bytemuck::cast_slice(&self.triangle_textures)),
+            (BufferId::Textures, bytemuck::cast_slice(&self.textures)),
+            (BufferId::Texels, bytemuck::cast_slice(&self.texels)),
+        ]
     }
 
     /// Vertices of all meshes.

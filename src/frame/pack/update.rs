@@ -2,36 +2,38 @@
 
 use super::{MeshTables, feature_texels, kind_of, opaque, rgba};
 use crate::frame::buffers::BufferId;
-use crate::scene::{Appearance, Mesh, Scene};
+use crate::scene::{Appearance, Scene};
 
-/// A set of inputs: those whose bytes differ from the last frame's.
+/// A set of a frame's inputs: those whose bytes differ from the last frame's.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Changes(u64);
+#[must_use]
+pub struct InputChanges(u64);
 
 const _: () = assert!(BufferId::ALL.len() <= u64::BITS as usize, "one bit for each buffer");
 
-impl Changes {
+impl InputChanges {
     /// Every input.
-    pub const ALL: Self = Self(u64::MAX);
+    #[cfg(any(test, feature = "renderer"))]
+    pub(crate) const ALL: Self = Self(u64::MAX);
 
-    /// Whether no input is in the set.
+    /// Whether no input differs.
     pub fn is_empty(self) -> bool {
         self.0 == 0
     }
 
+    /// The inputs of either set: of two changes, one after the other.
+    pub fn or(self, other: Self) -> Self {
+        Self(self.0 | other.0)
+    }
+
     /// Whether an input is in the set.
-    pub fn has(self, id: BufferId) -> bool {
+    pub(crate) fn has(self, id: BufferId) -> bool {
         self.0 & Self::bit(id) != 0
     }
 
     /// Adds an input if `differs`.
     pub(crate) fn note(&mut self, id: BufferId, differs: bool) {
         self.0 |= if differs { Self::bit(id) } else { 0 };
-    }
-
-    /// The inputs of either set.
-    pub(crate) fn or(self, other: Self) -> Self {
-        Self(self.0 | other.0)
     }
 
     /// The inputs that are not in the other set.
@@ -64,20 +66,21 @@ fn overwrite_texels(to: &mut [[f32; 4]], from: impl Iterator<Item = [f32; 4]>) -
 }
 
 impl MeshTables {
-    /// Takes over the values of a scene whose meshes have the same shapes as those laid out, and returns the tables that
-    /// differed. `None` if the triangles differ: then the scene must be laid out anew.
-    pub(crate) fn update(&mut self, scene: &Scene) -> Option<Changes> {
+    /// Whether a scene whose meshes have the same shapes as those laid out has the same triangles as well.
+    pub(crate) fn has_triangles_of(&self, scene: &Scene) -> bool {
         let mut rest = &self.indices[..];
-        let same = |mesh: &Mesh| {
+        scene.meshes.iter().all(|mesh| {
             let triangles = mesh.triangles().as_flattened();
             let (own, others) = rest.split_at(triangles.len());
             rest = others;
             own == triangles
-        };
-        if !scene.meshes.iter().all(same) {
-            return None;
-        }
-        let mut changes = Changes::default();
+        })
+    }
+
+    /// Takes over the values of a scene whose meshes have the same shapes and triangles as those laid out, and returns the tables
+    /// that differed.
+    pub(crate) fn update(&mut self, scene: &Scene) -> InputChanges {
+        let mut changes = InputChanges::default();
         let (mut image, mut feature) = (0, 0);
         for (m, mesh) in scene.meshes.iter().enumerate() {
             let layout = self.layouts[m];
@@ -99,12 +102,12 @@ impl MeshTables {
             changes.note(BufferId::Colors, overwrite(&mut self.colors[first..first + colors.len()], colors));
             changes = changes.or(self.update_texture(mesh.appearance(), m, &mut image));
         }
-        Some(changes)
+        changes
     }
 
     /// Takes over a mesh's texture and returns the tables that differed. `image` counts the images of all meshes so far.
-    fn update_texture(&mut self, appearance: &Appearance, mesh: usize, image: &mut usize) -> Changes {
-        let mut changes = Changes::default();
+    fn update_texture(&mut self, appearance: &Appearance, mesh: usize, image: &mut usize) -> InputChanges {
+        let mut changes = InputChanges::default();
         let layout = self.layouts[mesh];
         let ranges = layout.texel_ranges(&self.shapes[mesh]);
         match appearance {
@@ -149,13 +152,13 @@ mod tests {
     #[test]
     fn changes_are_a_set_of_buffers() {
         use BufferId::{Indices, Positions};
-        let mut changes = Changes::default();
+        let mut changes = InputChanges::default();
         changes.note(Positions, false);
         assert!(changes.is_empty());
         changes.note(Positions, true);
         assert!(changes.has(Positions) && !changes.has(Indices));
-        assert!(BufferId::ALL.into_iter().all(|id| Changes::ALL.has(id)));
-        assert_eq!(Changes::ALL.without(changes).or(changes), Changes::ALL);
+        assert!(BufferId::ALL.into_iter().all(|id| InputChanges::ALL.has(id)));
+        assert_eq!(InputChanges::ALL.without(changes).or(changes), InputChanges::ALL);
     }
 
     #[test]

@@ -17,7 +17,7 @@ use softras::embed::{
     Rasterizer,
 };
 use softras::glam::{DMat4, DVec3};
-use softras::scene::{Background, DirectionalLight};
+use softras::scene::{Background, DirectionalLight, Support};
 use softras::{Camera, GradientRequest, Lights, Mesh, Projection, Scene, Settings, shapes};
 
 const PACKED: Layout = Layout { stride: 12, offset: 0 };
@@ -275,6 +275,16 @@ fn what_changes_in_a_bound_pass_is_as_if_planned_so() {
     let second = bound.color(&engine);
     assert!(difference(&first, &second).is_some());
     assert_eq!(difference(&second, &fresh(&engine, plan.clone().settings(settings.clone()).lights(light(-0.7)))), None);
+    // What comes after other settings has their radius of support.
+    let wide = Settings { support: Support::Guaranteed, gamma: 0.05, ..settings.clone() };
+    bound.pass.set_settings(wide.clone()).unwrap();
+    bound.pass.set_lights(light(0.4)).unwrap();
+    assert_eq!(
+        difference(&bound.color(&engine), &fresh(&engine, plan.clone().settings(wide).lights(light(0.4)))),
+        None
+    );
+    bound.pass.set_settings(settings.clone()).unwrap();
+    bound.pass.set_lights(light(-0.7)).unwrap();
     // Another size of the same meshes is planned from the same tables.
     let larger = bound.pass.plan().builder().image_size(64, 48);
     let again = plan.clone().settings(Settings { width: 64, height: 48, ..settings.clone() }).lights(light(-0.7));

@@ -15,6 +15,7 @@ mod geometry;
 mod images;
 mod lifecycle;
 mod misuse;
+mod scene;
 
 /// Checks that each test exists that the table of docs/robustness.md names.
 #[test]
