@@ -29,10 +29,10 @@ pub struct Decoder<'a> {
 }
 
 /// Gives the first floats of a buffer, from its id and their number.
-type Floats<'a> = &'a dyn Fn(BufferId, usize) -> Result<&'a [f32]>;
+type ReadFloats<'a> = &'a dyn Fn(BufferId, usize) -> Result<&'a [f32]>;
 
 impl Decoder<'_> {
-    pub(crate) fn decode_floats(&self, floats: Floats<'_>) -> Result<Gradients> {
+    pub(crate) fn decode_floats(&self, floats: ReadFloats<'_>) -> Result<Gradients> {
         let Self { plan, wanted, cameras, settings: s, lights, .. } = self;
         let mut gradients = Gradients { meshes: self.meshes(floats)?, ..Gradients::default() };
         let views = cameras.len();
@@ -79,7 +79,7 @@ impl Decoder<'_> {
         }
     }
 
-    fn meshes(&self, floats: Floats<'_>) -> Result<Vec<MeshGradients>> {
+    fn meshes(&self, floats: ReadFloats<'_>) -> Result<Vec<MeshGradients>> {
         let Self { plan, wanted, tables, .. } = self;
         let vertices: &[[f32; 8]] = if wanted.positions || wanted.colors {
             floats(BufferId::VertexGradients, 8 * tables.vertices())?.as_chunks().0
@@ -142,7 +142,7 @@ impl Decoder<'_> {
         layout: &MeshLayout,
         shape: &MeshShape,
         images: &mut std::slice::Iter<'_, Texture>,
-        floats: Floats<'_>,
+        floats: ReadFloats<'_>,
         mesh: &mut MeshGradients,
     ) -> Result<()> {
         let sums: Result<Vec<_>> =
@@ -162,7 +162,7 @@ impl Decoder<'_> {
     }
 
     /// The gradients of a range of texels by r, g, b and alpha, from their fixed-point sums.
-    fn texels(&self, range: Range<usize>, floats: Floats<'_>) -> Result<Vec<[f32; 4]>> {
+    fn texels(&self, range: Range<usize>, floats: ReadFloats<'_>) -> Result<Vec<[f32; 4]>> {
         let plan = self.plan;
         if plan.backward.sizes[BufferId::TexelSums] == 0 {
             return Ok(vec![[0.0; 4]; range.len()]);

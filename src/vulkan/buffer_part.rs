@@ -66,7 +66,7 @@ impl BufferPart {
         check_texels(device.limits(), name, self.range, format)?;
         // SAFETY: the caller's promise, and the checks above.
         let view = unsafe { create_view(device, self.raw, self.offset, self.range, format, name) }?;
-        let owner = View { device: device.clone(), view, buffer: self.keep.clone() };
+        let owner = TexelView { device: device.clone(), view, buffer: self.keep.clone() };
         Ok(Self { view: Some((view, format)), keep: Some(Arc::new(owner)), ..*self })
     }
 
@@ -109,21 +109,21 @@ impl std::fmt::Debug for BufferPart {
 }
 
 /// A texel view of a part of a buffer.
-struct View {
+struct TexelView {
     device: Device,
     view: vk::BufferView,
     #[cfg_attr(not(feature = "renderer"), expect(dead_code, reason = "it only keeps the buffer"))]
     buffer: Option<Keep>,
 }
 
-impl Kept for View {
+impl Kept for TexelView {
     #[cfg(feature = "renderer")]
     fn uses(&self, uses: &mut super::keep::Uses) {
         self.buffer.iter().for_each(|buffer| buffer.uses(uses));
     }
 }
 
-impl Drop for View {
+impl Drop for TexelView {
     fn drop(&mut self) {
         // SAFETY: the device is done with it: whatever recorded it kept this View until then.
         unsafe { self.device.raw().destroy_buffer_view(self.view, self.device.callbacks()) };

@@ -9,9 +9,9 @@ use std::sync::Arc;
 
 /// A pipeline cache of a device. Cheap to clone.
 #[derive(Clone)]
-pub struct PipelineCache(Arc<Inner>);
+pub struct PipelineCache(Arc<CacheInner>);
 
-struct Inner {
+struct CacheInner {
     device: Device,
     raw: vk::PipelineCache,
     /// Saves and destroys a cache of ours when it is dropped.
@@ -23,7 +23,7 @@ impl PipelineCache {
     /// A host's cache, which the host saves and destroys; `None` where the host gives none.
     pub fn of_host(device: &Device, host: &HostDevice) -> Option<Self> {
         let raw = host.pipeline_cache;
-        let inner = || Inner {
+        let inner = || CacheInner {
             device: device.clone(),
             raw,
             #[cfg(feature = "renderer")]
@@ -39,7 +39,7 @@ impl PipelineCache {
     #[cfg(feature = "renderer")]
     pub fn in_folder(device: &Device, folder: &super::own::CacheFolder) -> crate::Result<Self> {
         let disk = DiskCache::new(device, folder)?;
-        Ok(Self(Arc::new(Inner { device: device.clone(), raw: disk.raw(), _disk: Some(disk) })))
+        Ok(Self(Arc::new(CacheInner { device: device.clone(), raw: disk.raw(), _disk: Some(disk) })))
     }
 
     /// The handle, valid as long as this cache lives.

@@ -34,7 +34,7 @@ pub(super) struct Set {
     raw: vk::DescriptorSet,
     kernel: &'static Kernel,
     pool: Arc<Pool>,
-    _layout: Arc<pipeline::Inner>,
+    _layout: Arc<pipeline::PipelineInner>,
     #[cfg_attr(not(feature = "renderer"), expect(dead_code, reason = "it only keeps the buffers"))]
     buffers: Vec<Keep>,
 }

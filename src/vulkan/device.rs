@@ -17,10 +17,10 @@ use std::sync::Arc;
 /// A Vulkan device: functions, limits, debug names. Cheap to clone. It never destroys a host's device.
 #[derive(Clone)]
 pub struct Device {
-    inner: Arc<Inner>,
+    inner: Arc<DeviceInner>,
 }
 
-struct Inner {
+struct DeviceInner {
     raw: ash::Device,
     instance: ash::Instance,
     physical: vk::PhysicalDevice,
@@ -72,7 +72,7 @@ impl Device {
         let is_lavapipe = is_lavapipe(&properties);
         // SAFETY: the promise of `HostDevice::with_allocation_callbacks`.
         let callbacks = unsafe { Callbacks::new(host.allocation_callbacks) };
-        let inner = Inner {
+        let inner = DeviceInner {
             raw,
             instance,
             physical,
@@ -130,7 +130,7 @@ impl Device {
         let functions = instance.raw.clone();
         let callbacks = Callbacks::default();
         let owned = Some(instance);
-        let inner = Inner {
+        let inner = DeviceInner {
             raw,
             instance: functions,
             physical,
@@ -208,7 +208,7 @@ impl Device {
 }
 
 #[cfg(feature = "renderer")]
-impl Drop for Inner {
+impl Drop for DeviceInner {
     fn drop(&mut self) {
         if self.owned.is_some() {
             let _turn = changing_devices();

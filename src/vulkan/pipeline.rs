@@ -14,9 +14,9 @@ use std::sync::Arc;
 
 /// A compute pipeline. Cheap to clone.
 #[derive(Clone)]
-pub struct Pipeline(Arc<Inner>);
+pub struct Pipeline(Arc<PipelineInner>);
 
-pub(super) struct Inner {
+pub(super) struct PipelineInner {
     device: Device,
     kernel: &'static Kernel,
     local_size: [u32; 3],
@@ -41,10 +41,10 @@ impl Pipeline {
         if cache.is_some_and(|cache| cache.device().raw().handle() != device.raw().handle()) {
             return Err(misuse("vkCreateComputePipelines", kernel, "the pipeline cache is of another device"));
         }
-        let constants = Constants::new(kernel, specialization)?;
+        let constants = SpecConstants::new(kernel, specialization)?;
         let local_size = constants.local_size(kernel);
         check_limits(device, kernel, local_size)?;
-        let mut inner = Inner {
+        let mut inner = PipelineInner {
             device: device.clone(),
             kernel,
             local_size,
@@ -66,21 +66,21 @@ impl Pipeline {
         self.0.kernel
     }
 
-    pub(super) fn inner(&self) -> &Arc<Inner> {
+    pub(super) fn inner(&self) -> &Arc<PipelineInner> {
         &self.0
     }
 }
 
 impl std::fmt::Debug for Pipeline {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Inner { kernel, local_size, .. } = &*self.0;
+        let PipelineInner { kernel, local_size, .. } = &*self.0;
         f.debug_struct("Pipeline").field("kernel", &kernel.name).field("local_size", local_size).finish()
     }
 }
 
-impl Kept for Inner {}
+impl Kept for PipelineInner {}
 
-impl Inner {
+impl PipelineInner {
     pub(super) fn set_layout(&self) -> vk::DescriptorSetLayout {
         self.set_layout
     }
@@ -98,7 +98,7 @@ impl Inner {
     }
 }
 
-impl Drop for Inner {
+impl Drop for PipelineInner {
     fn drop(&mut self) {
         let (device, callbacks) = (self.device.raw(), self.device.callbacks());
         // SAFETY: all three are ours; what recorded or bound them kept this Inner until the device was done. Null is
@@ -137,9 +137,9 @@ impl BindingKind {
 }
 
 /// The values of specialization constants by their `constant_id`.
-struct Constants(HashMap<u32, u32>);
+struct SpecConstants(HashMap<u32, u32>);
 
-impl Constants {
+impl SpecConstants {
     fn new(kernel: &Kernel, values: &[(&str, SpecValue)]) -> Result<Self> {
         let call = "vkCreateComputePipelines";
         let mut constants = HashMap::new();
@@ -246,7 +246,7 @@ fn create_pipeline(
     device: &Device,
     kernel: &Kernel,
     layout: vk::PipelineLayout,
-    constants: &Constants,
+    constants: &SpecConstants,
     cache: vk::PipelineCache,
 ) -> Result<vk::Pipeline> {
     // SwiftShader takes more than ten minutes to compile flat kernels.

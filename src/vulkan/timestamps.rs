@@ -10,9 +10,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 /// A row of timestamps that a command buffer writes and the host reads once it has been executed.
 #[derive(Clone)]
-pub struct TimestampPool(pub(super) Arc<Inner>);
+pub struct TimestampPool(pub(super) Arc<TimestampInner>);
 
-pub(super) struct Inner {
+pub(super) struct TimestampInner {
     device: Device,
     raw: vk::QueryPool,
     family: u32,
@@ -38,12 +38,12 @@ impl TimestampPool {
         }
         let count = count.max(1);
         let info = vk::QueryPoolCreateInfo::default().query_type(vk::QueryType::TIMESTAMP).query_count(count);
-        // SAFETY: a plain creation; `Inner` destroys it.
+        // SAFETY: a plain creation; `TimestampInner` destroys it.
         let raw = unsafe { device.raw().create_query_pool(&info, device.callbacks()) }.named("vkCreateQueryPool")?;
         device.name_object(raw, "timestamps");
         let mask = u64::MAX >> 64u32.saturating_sub(bits);
         let executed = Arc::default();
-        let inner = Inner { device: device.clone(), raw, family: queue_family, count, mask, executed };
+        let inner = TimestampInner { device: device.clone(), raw, family: queue_family, count, mask, executed };
         Ok(Some(Self(Arc::new(inner))))
     }
 
@@ -57,7 +57,7 @@ impl TimestampPool {
     /// # Errors
     /// [`crate::Error::Vulkan`] with VK_NOT_READY unless all of them have been written.
     pub fn read(&self, count: u32) -> Result<Vec<f64>> {
-        let Inner { device, raw, mask, executed, .. } = &*self.0;
+        let TimestampInner { device, raw, mask, executed, .. } = &*self.0;
         if !executed.load(Ordering::Acquire) {
             return Err(misuse_of("vkGetQueryPoolResults", "VK_NOT_READY: no timestamp was written yet"));
         }
@@ -79,14 +79,14 @@ impl std::fmt::Debug for TimestampPool {
     }
 }
 
-impl Kept for Inner {
+impl Kept for TimestampInner {
     #[cfg(feature = "renderer")]
     fn uses(&self, uses: &mut super::keep::Uses) {
         uses.timestamps.push(self.executed.clone());
     }
 }
 
-impl Inner {
+impl TimestampInner {
     pub(super) fn is_of(&self, device: &Device) -> bool {
         self.device.raw().handle() == device.raw().handle()
     }
@@ -100,7 +100,7 @@ impl Inner {
     }
 }
 
-impl Drop for Inner {
+impl Drop for TimestampInner {
     fn drop(&mut self) {
         // SAFETY: the pool is ours; what recorded it kept this Inner until the device was done.
         unsafe { self.device.raw().destroy_query_pool(self.raw, self.device.callbacks()) };

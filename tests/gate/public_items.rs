@@ -100,25 +100,3 @@ fn the_public_items_are_those_of_the_list() {
     let count = found.lines().filter(|line| !line.contains(", ")).count();
     assert!(count <= MOST_ITEMS, "{count} public items, at most {MOST_ITEMS}: make what users do not need pub(crate)");
 }
-
-/// The documentation has every item that another crate can reach: no package of this repository hides one (`doc(hidden)`).
-#[test]
-fn nothing_public_is_hidden() {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let crates = std::fs::read_dir(root.join("crates")).unwrap().map(|entry| entry.unwrap().path().join("src"));
-    let mut folders: Vec<PathBuf> = crates.chain([root.join("src")]).collect();
-    let (mut hidden, mut files) = (Vec::new(), 0);
-    while let Some(folder) = folders.pop() {
-        for path in std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()) {
-            if path.is_dir() {
-                folders.push(path);
-            } else if path.extension().is_some_and(|extension| extension == "rs") {
-                files += 1;
-                let text = std::fs::read_to_string(&path).unwrap();
-                hidden.extend(text.contains("doc(hidden)").then_some(path));
-            }
-        }
-    }
-    assert!(files > 100, "{files} files");
-    assert_eq!(hidden, [PathBuf::new(); 0]);
-}

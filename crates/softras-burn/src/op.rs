@@ -44,9 +44,9 @@ impl RenderOps for Flex {
 
 /// The backward step.
 #[derive(Debug)]
-struct Images;
+struct RenderNode;
 
-impl<B: RenderOps> Backward<B, 4> for Images {
+impl<B: RenderOps> Backward<B, 4> for RenderNode {
     type State = Node;
 
     fn backward(self, ops: Ops<Node, 4>, gradients: &mut Gradients, _: &mut Checkpointer) {
@@ -81,7 +81,7 @@ impl<B: RenderOps, C: CheckpointStrategy> RenderOps for Autodiff<B, C> {
         let (texels, of_texels) = texels.into_parts();
         let (cameras, of_cameras) = cameras.into_parts();
         let images = |node: &Node| B::softras_images(positions, colors, texels, cameras, node.clone());
-        match Images.prepare::<C>([of_positions, of_colors, of_texels, of_cameras]).compute_bound().stateful() {
+        match RenderNode.prepare::<C>([of_positions, of_colors, of_texels, of_cameras]).compute_bound().stateful() {
             OpsKind::Tracked(step) => {
                 let images = images(&node);
                 step.finish(node, images)

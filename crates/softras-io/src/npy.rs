@@ -11,7 +11,7 @@ use std::{io::Read, path::Path};
 pub struct Array {
     /// Empty for a 0-d array.
     pub shape: Vec<usize>,
-    kind: Kind,
+    kind: ArrayKind,
     /// Bytes of one element.
     size: usize,
     big_endian: bool,
@@ -30,29 +30,29 @@ impl Array {
     pub fn dtype(&self) -> String {
         let bits = self.size * 8;
         match self.kind {
-            Kind::Float => format!("float{bits}"),
-            Kind::Signed => format!("int{bits}"),
-            Kind::Unsigned => format!("uint{bits}"),
-            Kind::Bool => "bool".into(),
-            Kind::Unicode => format!("<U{}", self.size / 4),
-            Kind::Bytes => format!("S{}", self.size),
+            ArrayKind::Float => format!("float{bits}"),
+            ArrayKind::Signed => format!("int{bits}"),
+            ArrayKind::Unsigned => format!("uint{bits}"),
+            ArrayKind::Bool => "bool".into(),
+            ArrayKind::Unicode => format!("<U{}", self.size / 4),
+            ArrayKind::Bytes => format!("S{}", self.size),
         }
     }
 
     /// Its numbers, bools as 0 and 1; `None` for text.
     pub fn numbers(&self) -> Option<Numbers<'_>> {
-        (!matches!(self.kind, Kind::Unicode | Kind::Bytes)).then_some(Numbers(self))
+        (!matches!(self.kind, ArrayKind::Unicode | ArrayKind::Bytes)).then_some(Numbers(self))
     }
 
     /// Its bytes; `None` for another type than uint8.
     pub fn bytes(&self) -> Option<&[u8]> {
-        (self.kind == Kind::Unsigned && self.size == 1).then_some(&self.bytes)
+        (self.kind == ArrayKind::Unsigned && self.size == 1).then_some(&self.bytes)
     }
 
     /// Its texts; `None` for numbers.
     pub fn texts(&self) -> Option<impl Iterator<Item = String> + '_> {
         let text = |i: usize| match self.kind {
-            Kind::Unicode => unicode(self.element(i), self.big_endian),
+            ArrayKind::Unicode => unicode(self.element(i), self.big_endian),
             _ => String::from_utf8_lossy(self.element(i)).trim_end_matches('\0').to_string(),
         };
         self.numbers().is_none().then(|| (0..self.len()).map(text))
@@ -92,7 +92,7 @@ impl<'a> Numbers<'a> {
 
 /// The type of an element in the file.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Kind {
+enum ArrayKind {
     Float,
     Signed,
     Unsigned,
@@ -101,8 +101,8 @@ enum Kind {
     Bytes,
 }
 
-struct Header {
-    kind: Kind,
+struct ArrayHeader {
+    kind: ArrayKind,
     /// Bytes of one element.
     size: usize,
     big_endian: bool,
@@ -120,7 +120,7 @@ const MAX_TEXT: usize = 1_000_000;
 /// # Errors
 /// A sentence that says what is wrong with the bytes, or what `admit` says.
 pub fn read(mut source: impl Read, admit: impl FnOnce(u64) -> Result<(), String>) -> Result<Array, String> {
-    let Header { kind, size, big_endian, fortran, shape } = read_header(&mut source)?;
+    let ArrayHeader { kind, size, big_endian, fortran, shape } = read_header(&mut source)?;
     let count = shape.iter().try_fold(1usize, |n, &side| n.checked_mul(side));
     let bytes = count.and_then(|n| n.checked_mul(size)).filter(|&n| n <= isize::MAX as usize);
     let (Some(count), Some(bytes)) = (count, bytes) else {
@@ -142,7 +142,7 @@ pub fn read(mut source: impl Read, admit: impl FnOnce(u64) -> Result<(), String>
     Ok(Array { shape, kind, size, big_endian, bytes })
 }
 
-fn read_header(source: &mut impl Read) -> Result<Header, String> {
+fn read_header(source: &mut impl Read) -> Result<ArrayHeader, String> {
     let short = |_| "the file ends within its header".to_string();
     let mut start = [0; 8];
     source.read_exact(&mut start).map_err(short)?;
@@ -170,7 +170,7 @@ fn read_header(source: &mut impl Read) -> Result<Header, String> {
 }
 
 /// Parses `{'descr': '<f4', 'fortran_order': False, 'shape': (2, 3), }`.
-fn parse_header(text: &str) -> Result<Header, String> {
+fn parse_header(text: &str) -> Result<ArrayHeader, String> {
     let field = |name: &str| {
         let at = text.find(&format!("'{name}'")).or_else(|| text.find(&format!("\"{name}\"")));
         at.and_then(|at| text[at..].split_once(':')).map(|(_, rest)| rest.trim_start())
@@ -192,10 +192,10 @@ fn parse_header(text: &str) -> Result<Header, String> {
     if shape.len() > 32 {
         return Err(format!("{} dimensions are more than numpy has", shape.len()));
     }
-    Ok(Header { kind, size, big_endian, fortran: order.starts_with("True"), shape })
+    Ok(ArrayHeader { kind, size, big_endian, fortran: order.starts_with("True"), shape })
 }
 
-fn parse_descr(descr: &str) -> Result<(Kind, usize, bool), String> {
+fn parse_descr(descr: &str) -> Result<(ArrayKind, usize, bool), String> {
     let unsupported = || {
         let types = "float32, float64, int and uint of 8 to 64 bits, bool, str";
         Err(format!("type {descr:?} is not supported: save it as one of {types}"))
@@ -208,19 +208,19 @@ fn parse_descr(descr: &str) -> Result<(Kind, usize, bool), String> {
         return unsupported();
     };
     let (kind, size) = match (letter, size) {
-        ('f', 4 | 8) => (Kind::Float, size),
-        ('i', 1 | 2 | 4 | 8) => (Kind::Signed, size),
-        ('u', 1 | 2 | 4 | 8) => (Kind::Unsigned, size),
-        ('b', 1) => (Kind::Bool, size),
-        ('U', 0..=MAX_TEXT) => (Kind::Unicode, size * 4),
-        ('S' | 'a', 0..=MAX_TEXT) => (Kind::Bytes, size),
+        ('f', 4 | 8) => (ArrayKind::Float, size),
+        ('i', 1 | 2 | 4 | 8) => (ArrayKind::Signed, size),
+        ('u', 1 | 2 | 4 | 8) => (ArrayKind::Unsigned, size),
+        ('b', 1) => (ArrayKind::Bool, size),
+        ('U', 0..=MAX_TEXT) => (ArrayKind::Unicode, size * 4),
+        ('S' | 'a', 0..=MAX_TEXT) => (ArrayKind::Bytes, size),
         _ => return unsupported(),
     };
     Ok((kind, size, order == '>' || (order == '=' && cfg!(target_endian = "big"))))
 }
 
 /// One number; `bytes` has the size of its type.
-fn number(kind: Kind, big_endian: bool, bytes: &[u8]) -> f64 {
+fn number(kind: ArrayKind, big_endian: bool, bytes: &[u8]) -> f64 {
     let mut little = [0; 8];
     little[..bytes.len()].copy_from_slice(bytes);
     if big_endian {
@@ -228,13 +228,13 @@ fn number(kind: Kind, big_endian: bool, bytes: &[u8]) -> f64 {
     }
     let raw = u64::from_le_bytes(little);
     match kind {
-        Kind::Float if bytes.len() == 4 => f64::from(f32::from_bits(raw as u32)),
-        Kind::Float => f64::from_bits(raw),
-        Kind::Signed => {
+        ArrayKind::Float if bytes.len() == 4 => f64::from(f32::from_bits(raw as u32)),
+        ArrayKind::Float => f64::from_bits(raw),
+        ArrayKind::Signed => {
             let unused = 64 - 8 * bytes.len() as u32;
             ((raw << unused) as i64 >> unused) as f64
         }
-        Kind::Bool => f64::from(u8::from(raw != 0)),
+        ArrayKind::Bool => f64::from(u8::from(raw != 0)),
         _ => raw as f64,
     }
 }

@@ -22,13 +22,13 @@ const CONVERTED: u64 = 8;
 pub struct Archive {
     path: PathBuf,
     zip: RefCell<zip::ZipArchive<BufReader<File>>>,
-    entries: BTreeMap<String, Entry>,
+    entries: BTreeMap<String, ArrayEntry>,
     budget: Budget,
 }
 
 /// An array of the file.
 #[derive(Debug)]
-struct Entry {
+struct ArrayEntry {
     /// Its number in the file.
     index: usize,
     array: OnceCell<Result<Array, String>>,
@@ -51,7 +51,7 @@ impl Archive {
                 continue;
             };
             let Some(name) = file.strip_suffix(".npy") else { continue };
-            entries.insert(name.to_string(), Entry { index, array: OnceCell::new() });
+            entries.insert(name.to_string(), ArrayEntry { index, array: OnceCell::new() });
         }
         Ok(Self { path: path.into(), zip: RefCell::new(zip), entries, budget })
     }

@@ -16,7 +16,7 @@ use softras_io::Views;
 /// The arguments of a fit, all of which `softras.deform` gives.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
-pub struct Plan<'py> {
+pub struct DeformArguments<'py> {
     cameras: Bound<'py, PyAny>,
     silhouette: Option<Bound<'py, PyAny>>,
     color: Option<Bound<'py, PyAny>>,
@@ -42,7 +42,7 @@ pub struct Plan<'py> {
 pub const LOSSES: [(&str, ImageLoss); 3] =
     [("iou", ImageLoss::NegativeIou), ("l1", ImageLoss::L1), ("l2", ImageLoss::L2)];
 
-impl Plan<'_> {
+impl DeformArguments<'_> {
     fn targets(&self) -> PyResult<Views> {
         let silhouette = self.silhouette.as_ref().map(|value| image(value, "silhouette", 1, "mask")).transpose()?;
         let color = self.color.as_ref().map(|value| image(value, "color", 3, "picture")).transpose()?;
@@ -100,16 +100,16 @@ pub fn report<'a>(py: Python<'_>, steps: impl Iterator<Item = &'a StepLosses> + 
 }
 
 /// The best mesh, its step, the last mesh, and the losses.
-type Found = (Mesh, usize, Mesh, Py<PyDict>);
+type Deformed = (Mesh, usize, Mesh, Py<PyDict>);
 
 #[pyfunction]
 pub fn fit<'py>(
     py: Python<'py>,
     mesh: &Mesh,
     renderer: &Renderer,
-    plan: Plan<'py>,
+    plan: DeformArguments<'py>,
     progress: Option<Bound<'py, PyAny>>,
-) -> PyResult<Found> {
+) -> PyResult<Deformed> {
     if plan.steps == 0 {
         return Err(bad_input("a fit of 0 steps", "take at least one"));
     }

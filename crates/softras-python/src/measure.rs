@@ -9,7 +9,7 @@ use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
 use softras::glam::DVec3;
 use softras::{Scene, Settings};
-use softras_check::check::{Case, cases, compare};
+use softras_check::check::{CheckCase, cases, compare};
 use softras_fit::{Regularizer, Topology, Voxels, on_all_cores};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -85,7 +85,7 @@ type Checked = (&'static str, [Option<f64>; 4], [Option<f64>; 8], bool, bool);
 /// Compares a device with the reference on small scenes; see `softras.check`.
 #[pyfunction]
 pub fn check(py: Python<'_>, renderer: &Renderer) -> PyResult<Vec<Checked>> {
-    let one = |case: Case| {
+    let one = |case: CheckCase| {
         py.check_signals()?;
         let found = renderer.shared.call(py, |renderer| on_all_cores(|| compare(renderer, &case)))?;
         let passes = found.pass(case.gradient_tolerance);

@@ -14,7 +14,7 @@ use softras_fit::{Pose, PoseSearch};
 /// The arguments of a search, all of which `softras.pose` gives.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
-pub struct Plan<'py> {
+pub struct PoseArguments<'py> {
     color: Bound<'py, PyAny>,
     silhouette: Bound<'py, PyAny>,
     starts: usize,
@@ -26,7 +26,7 @@ pub struct Plan<'py> {
 }
 
 /// Rotation, translation, centre, loss, and how many poses are equally good.
-type Found = ([[f64; 3]; 3], [f64; 3], [f64; 3], f64, usize);
+type FoundPose = ([[f64; 3]; 3], [f64; 3], [f64; 3], f64, usize);
 
 /// Near and far around the mesh in any rotation, with room for a translation.
 fn depths(mesh: &softras::Mesh, camera: &Camera, center: DVec3) -> (f64, f64) {
@@ -37,7 +37,7 @@ fn depths(mesh: &softras::Mesh, camera: &Camera, center: DVec3) -> (f64, f64) {
     ((depth - reach).max(1e-2 * far), far)
 }
 
-impl Plan<'_> {
+impl PoseArguments<'_> {
     /// The pose that is refined, if one is given.
     fn start(&self) -> PyResult<Option<Pose>> {
         let Some((rotation, translation)) = &self.start else { return Ok(None) };
@@ -85,9 +85,9 @@ pub fn pose<'py>(
     mesh: &Mesh,
     camera: &Camera,
     renderer: &Renderer,
-    plan: Plan<'py>,
+    plan: PoseArguments<'py>,
     progress: Option<Bound<'py, PyAny>>,
-) -> PyResult<Found> {
+) -> PyResult<FoundPose> {
     let center = plan.center(mesh)?;
     let mut search = plan.search(mesh, camera, center)?;
     let mut step = 0;

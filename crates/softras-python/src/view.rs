@@ -21,7 +21,7 @@ use std::path::PathBuf;
 /// The arguments of a picture, all of which `softras.view` gives.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
-pub struct Plan<'py> {
+pub struct ViewArguments<'py> {
     size: (u32, u32),
     azimuth: f64,
     elevation: f64,
@@ -38,7 +38,7 @@ pub struct Plan<'py> {
     turntable: Option<usize>,
 }
 
-impl Plan<'_> {
+impl ViewArguments<'_> {
     fn options(&self) -> PyResult<Options> {
         let Self { azimuth, elevation, fov, up, .. } = *self;
         let shading = chosen("shading", &self.shading, &[("smooth", Shading::Smooth), ("flat", Shading::Flat)])?;
@@ -76,7 +76,7 @@ pub fn view<'py>(
     py: Python<'py>,
     subject: Subject,
     renderer: &Renderer,
-    plan: Plan<'py>,
+    plan: ViewArguments<'py>,
 ) -> PyResult<Bound<'py, PyArray4<u8>>> {
     let made = match subject {
         Subject::Mesh(mesh) => View::of(&mesh.get().mesh),

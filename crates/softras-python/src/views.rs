@@ -45,7 +45,7 @@ pub fn load_views(
 /// The arguments of a fit to views, all of which `softras.Views.fit` gives.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
-pub struct Plan<'py> {
+pub struct FitArguments<'py> {
     cameras: Bound<'py, PyAny>,
     silhouette: Option<Bound<'py, PyAny>>,
     color: Option<Bound<'py, PyAny>>,
@@ -76,7 +76,7 @@ pub struct Plan<'py> {
     report: Option<PathBuf>,
 }
 
-impl Plan<'_> {
+impl FitArguments<'_> {
     fn views(&self) -> PyResult<Views> {
         let array = |value: &Option<Bound<'_, PyAny>>, name: &str, channels: usize, means: &str| {
             value.as_ref().map(|value| image(value, name, channels, means)).transpose()
@@ -177,15 +177,15 @@ impl Ear {
 }
 
 /// The mesh, the losses, the measures and the notes.
-type Found = (Mesh, Py<PyDict>, Py<PyDict>, Vec<String>);
+type FittedViews = (Mesh, Py<PyDict>, Py<PyDict>, Vec<String>);
 
 #[pyfunction]
 pub fn fit_views<'py>(
     py: Python<'py>,
     renderer: &Renderer,
-    plan: Plan<'py>,
+    plan: FitArguments<'py>,
     progress: Option<Bound<'py, PyAny>>,
-) -> PyResult<Found> {
+) -> PyResult<FittedViews> {
     let fit = Fit::new(plan.views()?).raise()?.options(plan.options()?);
     let (shared, page) = (&renderer.shared, plan.report);
     let mut ear = Ear { progress: progress.map(Bound::unbind), failed: None };

@@ -27,7 +27,7 @@ pub struct PassBuilder {
     /// The tables of the content, if they were made already.
     tables: Option<Arc<Tables>>,
     pub(crate) settings: Settings,
-    pub(crate) views: Vec<View>,
+    pub(crate) views: Vec<PassView>,
     pub(crate) planes: Option<[f64; 2]>,
     inside_planes: bool,
     lights: Lights,
@@ -54,7 +54,7 @@ pub(crate) enum Content {
 
 /// A camera as it was given.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum View {
+pub(crate) enum PassView {
     Camera(Camera),
     Matrices(CameraMatrices, ClipSpace),
 }
@@ -162,13 +162,13 @@ impl PassBuilder {
 
     /// One view for each camera.
     pub fn cameras(mut self, cameras: &[Camera]) -> Self {
-        self.views = cameras.iter().copied().map(View::Camera).collect();
+        self.views = cameras.iter().copied().map(PassView::Camera).collect();
         self
     }
 
     /// One view for each pair of matrices, which [`HostCamera::new`] takes apart.
     pub fn camera_matrices(mut self, matrices: &[CameraMatrices], clip: ClipSpace) -> Self {
-        self.views = matrices.iter().map(|&matrices| View::Matrices(matrices, clip)).collect();
+        self.views = matrices.iter().map(|&matrices| PassView::Matrices(matrices, clip)).collect();
         self
     }
 
@@ -375,7 +375,7 @@ impl Content {
     }
 }
 
-impl View {
+impl PassView {
     /// The camera as softras renders with it, in images of this size.
     pub fn camera(&self, size: (u32, u32)) -> Result<ViewCamera> {
         match *self {

@@ -2,7 +2,7 @@
 
 use super::Pass;
 use super::buffers::PassBuffer;
-use super::builder::{PassPlan, View, cutoff_of};
+use super::builder::{PassPlan, PassView, cutoff_of};
 use super::memory::PassMemory;
 use crate::embed::host::camera::{CameraMatrices, ClipSpace};
 use crate::embed::host::mesh::MeshBuffers;
@@ -24,7 +24,7 @@ impl Pass {
     /// # Errors
     /// [`Error::Scene`] for another number of them, [`Error::Host`] where they need other kernels.
     pub fn set_cameras(&mut self, cameras: &[Camera]) -> Result<()> {
-        self.plan.set_views(cameras.len(), cameras.iter().copied().map(View::Camera))?;
+        self.plan.set_views(cameras.len(), cameras.iter().copied().map(PassView::Camera))?;
         self.forget_frame();
         Ok(())
     }
@@ -36,7 +36,7 @@ impl Pass {
     /// # Errors
     /// As [`set_cameras`](Self::set_cameras), and [`HostCamera::new`](crate::embed::HostCamera::new).
     pub fn set_camera_matrices(&mut self, matrices: &[CameraMatrices], clip: ClipSpace) -> Result<()> {
-        let views = matrices.iter().map(|&matrices| View::Matrices(matrices, clip));
+        let views = matrices.iter().map(|&matrices| PassView::Matrices(matrices, clip));
         self.plan.set_views(matrices.len(), views)?;
         self.forget_frame();
         Ok(())
@@ -91,7 +91,7 @@ impl Pass {
 }
 
 impl PassPlan {
-    fn set_views(&mut self, count: usize, views: impl Iterator<Item = View> + Clone) -> Result<()> {
+    fn set_views(&mut self, count: usize, views: impl Iterator<Item = PassView> + Clone) -> Result<()> {
         if count != self.cameras.len() {
             return Err(Error::Scene {
                 what: format!("{count} cameras for a pass of {} views", self.cameras.len()),

@@ -48,13 +48,13 @@ pub enum FrameImage {
 /// A frame's image bound to a host's image. Keep it as long as the [`Pass`].
 pub struct ImageBindings {
     stage: Stage,
-    push: Push,
+    push: StorePush,
     view: u32,
     /// `FrameBindings::identity` of the frame.
     frame: Arc<()>,
 }
 
-impl Push {
+impl StorePush {
     fn with_depth(self, depth: &DepthMap) -> Self {
         Self {
             flags: self.flags & !c::STORE_PERSPECTIVE | if depth.perspective { c::STORE_PERSPECTIVE } else { 0 },
@@ -69,7 +69,7 @@ impl Push {
 /// The push constants of `glsl/store.comp`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
-struct Push {
+struct StorePush {
     width: u32,
     height: u32,
     first: u32,
@@ -171,7 +171,8 @@ impl Pass {
         let flags = image.flags(modes.composite != 0 && !hard_depth);
         let least_alpha = if let FrameImage::DepthBuffer { least_silhouette } = image { least_silhouette } else { 0.0 };
         let first = view * width * height;
-        let push = Push { width, height, first, component, alpha_component, flags, least_alpha, ..Push::default() };
+        let push =
+            StorePush { width, height, first, component, alpha_component, flags, least_alpha, ..StorePush::default() };
         Ok(ImageBindings { stage, push, view, frame: frame.identity.clone() })
     }
 
@@ -196,7 +197,7 @@ impl Pass {
             }
             None => image.push,
         };
-        let push = Push { background: self.plan.frame.background(), ..push };
+        let push = StorePush { background: self.plan.frame.background(), ..push };
         let mut recorder = Recorder::on_host(&self.rasterizer.device, commands);
         recorder.begin_label("image");
         recorder.barrier();
@@ -223,19 +224,19 @@ mod tests {
     fn the_kernels_are_what_is_said_of_them() {
         use crate::vulkan::BindingKind;
         let mirror = [
-            ("width", offset_of!(Push, width)),
-            ("height", offset_of!(Push, height)),
-            ("first", offset_of!(Push, first)),
-            ("component", offset_of!(Push, component)),
-            ("alpha_component", offset_of!(Push, alpha_component)),
-            ("flags", offset_of!(Push, flags)),
-            ("depth_constant", offset_of!(Push, depth_constant)),
-            ("depth_factor", offset_of!(Push, depth_factor)),
-            ("depth_clear", offset_of!(Push, depth_clear)),
-            ("least_alpha", offset_of!(Push, least_alpha)),
-            ("background_red", offset_of!(Push, background)),
-            ("background_green", offset_of!(Push, background) + 4),
-            ("background_blue", offset_of!(Push, background) + 8),
+            ("width", offset_of!(StorePush, width)),
+            ("height", offset_of!(StorePush, height)),
+            ("first", offset_of!(StorePush, first)),
+            ("component", offset_of!(StorePush, component)),
+            ("alpha_component", offset_of!(StorePush, alpha_component)),
+            ("flags", offset_of!(StorePush, flags)),
+            ("depth_constant", offset_of!(StorePush, depth_constant)),
+            ("depth_factor", offset_of!(StorePush, depth_factor)),
+            ("depth_clear", offset_of!(StorePush, depth_clear)),
+            ("least_alpha", offset_of!(StorePush, least_alpha)),
+            ("background_red", offset_of!(StorePush, background)),
+            ("background_green", offset_of!(StorePush, background) + 4),
+            ("background_blue", offset_of!(StorePush, background) + 8),
         ];
         use ImageFormat::{R32Float, Rgba8Unorm, Rgba16Float, Rgba32Float};
         for format in [Rgba32Float, Rgba16Float, Rgba8Unorm, R32Float] {

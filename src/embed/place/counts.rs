@@ -25,14 +25,14 @@ pub struct Counts {
 pub(crate) struct CountStep {
     source: BufferRef,
     stage: Stage,
-    push: Push,
+    push: CountsPush,
     groups: [u32; 3],
 }
 
 /// The push constants of `glsl/counts.comp`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
-struct Push {
+struct CountsPush {
     stride: u32,
     divisor: u32,
     pieces: u32,
@@ -55,7 +55,7 @@ impl CountStep {
             ("Boxes", frame.array(BufferId::Boxes)?),
         ];
         let stage = rasterizer.stage(&kernels::COUNTS, &[], &buffers)?;
-        let push = Push {
+        let push = CountsPush {
             stride: if meshes == 1 { 0 } else { stride / 4 },
             divisor: if *of_indices { 3 } else { 1 },
             pieces: if plan.forward.modes.near_clip != 0 { 2 } else { 1 },
@@ -76,16 +76,16 @@ impl CountStep {
 
 #[cfg(test)]
 mod tests {
-    use super::{Push, c, kernels};
+    use super::{CountsPush, c, kernels};
     use std::mem::offset_of;
 
     #[test]
     fn the_push_constants_lie_as_the_kernel_has_them() {
         let found: Vec<_> = kernels::COUNTS.push_members.iter().map(|m| (m.name, m.offset as usize)).collect();
         let mirror = [
-            ("stride", offset_of!(Push, stride)),
-            ("divisor", offset_of!(Push, divisor)),
-            ("pieces", offset_of!(Push, pieces)),
+            ("stride", offset_of!(CountsPush, stride)),
+            ("divisor", offset_of!(CountsPush, divisor)),
+            ("pieces", offset_of!(CountsPush, pieces)),
         ];
         assert_eq!(found, mirror);
         assert_eq!(kernels::COUNTS.local_size, [c::LINEAR_GROUP, 1, 1]);

@@ -44,7 +44,7 @@ pub(crate) enum By {
 /// The numbers of `glsl/common/geometry_push.glsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, bytemuck::Pod, bytemuck::Zeroable)]
-pub(crate) struct Push {
+pub(crate) struct PlacePush {
     count: u32,
     draws: u32,
     first: u32,
@@ -60,7 +60,7 @@ pub(crate) struct Push {
 /// A stage with its numbers.
 pub(crate) struct Step {
     stage: Stage,
-    push: Push,
+    push: PlacePush,
     groups: [u32; 3],
 }
 
@@ -71,7 +71,7 @@ impl Step {
 
     /// Records the step with one of the TARGET_ uses.
     pub fn record_use(&self, recorder: &mut Recorder<'_>, target_use: u32) -> Result<()> {
-        self.stage.record(recorder, bytemuck::bytes_of(&Push { target_use, ..self.push }), self.groups)
+        self.stage.record(recorder, bytemuck::bytes_of(&PlacePush { target_use, ..self.push }), self.groups)
     }
 }
 
@@ -173,20 +173,20 @@ impl Binder<'_> {
     }
 
     /// The numbers that every stage has.
-    fn push(&self, count: u32) -> Push {
+    fn push(&self, count: u32) -> PlacePush {
         let geometry = &self.placed.geometry;
-        Push { count, draws: geometry.draws().len() as u32, first: geometry.first_vertex, ..Push::default() }
+        PlacePush { count, draws: geometry.draws().len() as u32, first: geometry.first_vertex, ..PlacePush::default() }
     }
 
     /// The numbers of a stage with a vertex array: also the array's layout, and that of the transforms where there are such.
-    fn vertex_push(&self, count: u32, (stride, offset): (u32, u32)) -> Result<Push> {
+    fn vertex_push(&self, count: u32, (stride, offset): (u32, u32)) -> Result<PlacePush> {
         let (transform_stride, transform_offset) = match &self.buffers.transforms {
             Some(transforms) => {
                 self.rasterizer.layout_words("transforms", transforms, self.placed.geometry.instances(), 12)?
             }
             None => (0, 0),
         };
-        Ok(Push { stride, offset, transform_stride, transform_offset, ..self.push(count) })
+        Ok(PlacePush { stride, offset, transform_stride, transform_offset, ..self.push(count) })
     }
 
     /// Binds everything that is read of the mesh.
@@ -232,7 +232,7 @@ impl Binder<'_> {
         let geometry = &self.placed.geometry;
         let count = geometry.vertices();
         let words = self.rasterizer.layout_words(id.name(), source, geometry.source_vertices().1, 3)?;
-        let push = Push { first, ..self.vertex_push(count, words)? };
+        let push = PlacePush { first, ..self.vertex_push(count, words)? };
         let moved = self.buffers.transforms.as_ref().filter(|_| id == BufferId::Positions);
         let source = self.part(&source.0);
         let transforms = moved.map_or_else(|| source.clone(), |(at, _)| self.part(at));
@@ -253,7 +253,7 @@ impl Binder<'_> {
         // Whole words are read.
         self.rasterizer.validate_storage("indices", at, bytes.next_multiple_of(4))?;
         let corners = 3 * geometry.triangles();
-        let push = Push { first, base: geometry.mesh_vertex, select: format.bits(), ..self.push(corners) };
+        let push = PlacePush { first, base: geometry.mesh_vertex, select: format.bits(), ..self.push(corners) };
         let buffers = [("draws", &self.draws), ("Indices", &self.part(at)), ("Target", self.frame.array(id)?)];
         let stage = self.rasterizer.stage(&kernels::PLACE_INDICES, &[], &buffers)?;
         Ok(Step { stage, push, groups: linear_groups(corners) })
@@ -263,7 +263,7 @@ impl Binder<'_> {
         let geometry = &self.placed.geometry;
         let count = geometry.vertices();
         let (stride, offset) = self.rasterizer.layout_words("UVs", source, geometry.source_vertices().1, 2)?;
-        let push = Push { first: self.placed.uv, stride, offset, select: u32::from(v_down), ..self.push(count) };
+        let push = PlacePush { first: self.placed.uv, stride, offset, select: u32::from(v_down), ..self.push(count) };
         let target = self.frame.array(BufferId::Uvs)?;
         let buffers = [("draws", &self.draws), ("Vertices", &self.part(&source.0)), ("Target", target)];
         let stage = self.rasterizer.stage(&kernels::PLACE_UVS, &[], &buffers)?;
@@ -312,7 +312,8 @@ impl Binder<'_> {
         let (first, end) = self.placed.geometry.source_vertices();
         let words = self.rasterizer.layout_words("the gradients", target, end, 3)?;
         let floats = Floats::new(target, first, end - first, 3);
-        let push = Push { base: first, select: u32::from(by == By::Colors), ..self.vertex_push(end - first, words)? };
+        let push =
+            PlacePush { base: first, select: u32::from(by == By::Colors), ..self.vertex_push(end - first, words)? };
         let moved = self.buffers.transforms.as_ref().filter(|_| by == By::Positions);
         let target = self.part(&target.0);
         let transforms = self.part(moved.map_or(&self.buffers.positions.0, |(at, _)| at));
@@ -333,7 +334,7 @@ impl Binder<'_> {
         let (stride, offset) = self.rasterizer.layout_words("positions", &self.buffers.positions, end, 3)?;
         let (transform_stride, transform_offset) =
             self.rasterizer.layout_words("the transforms' gradients", target, instances, 12)?;
-        let push = Push { stride, offset, transform_stride, transform_offset, ..self.push(instances) };
+        let push = PlacePush { stride, offset, transform_stride, transform_offset, ..self.push(instances) };
         let floats = Floats::new(target, 0, instances, 12);
         let buffers = [
             ("draws", &self.draws),
@@ -348,23 +349,23 @@ impl Binder<'_> {
 
 #[cfg(test)]
 mod tests {
-    use super::Push;
+    use super::PlacePush;
     use crate::vulkan::kernels;
     use std::mem::offset_of;
 
     #[test]
     fn the_push_constants_lie_as_the_kernels_have_them() {
         let mirror = [
-            ("count", offset_of!(Push, count)),
-            ("draws", offset_of!(Push, draws)),
-            ("first", offset_of!(Push, first)),
-            ("base", offset_of!(Push, base)),
-            ("stride", offset_of!(Push, stride)),
-            ("offset", offset_of!(Push, offset)),
-            ("transform_stride", offset_of!(Push, transform_stride)),
-            ("transform_offset", offset_of!(Push, transform_offset)),
-            ("select", offset_of!(Push, select)),
-            ("target_use", offset_of!(Push, target_use)),
+            ("count", offset_of!(PlacePush, count)),
+            ("draws", offset_of!(PlacePush, draws)),
+            ("first", offset_of!(PlacePush, first)),
+            ("base", offset_of!(PlacePush, base)),
+            ("stride", offset_of!(PlacePush, stride)),
+            ("offset", offset_of!(PlacePush, offset)),
+            ("transform_stride", offset_of!(PlacePush, transform_stride)),
+            ("transform_offset", offset_of!(PlacePush, transform_offset)),
+            ("select", offset_of!(PlacePush, select)),
+            ("target_use", offset_of!(PlacePush, target_use)),
         ];
         let linear = [&kernels::PLACE, &kernels::PLACE_INDICES, &kernels::PLACE_VERTEX_GRAD];
         for kernel in linear.into_iter().chain([&kernels::PLACE_TRANSFORM_GRAD]) {

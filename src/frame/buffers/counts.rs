@@ -53,7 +53,7 @@ impl Totals {
 
 /// The counts that the sizes of a forward frame's buffers depend on.
 #[derive(Clone, Copy, Debug)]
-pub struct FrameCounts {
+pub struct ForwardCounts {
     /// The meshes' tables.
     pub tables: TableLengths,
     /// Cameras.
@@ -82,7 +82,7 @@ pub struct FrameCounts {
     pub resumed_rows: u64,
 }
 
-impl FrameCounts {
+impl ForwardCounts {
     /// Texels of a geometry record, whose tail is in the shading record if there is one.
     pub fn geometry_texels(&self) -> u32 {
         c::GEOMETRY_TEXELS + u32::from(self.shading_texels == 0)

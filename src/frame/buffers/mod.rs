@@ -6,7 +6,7 @@ mod parts;
 mod set;
 mod table;
 
-pub use counts::{FrameCounts, GradientCounts, TableLengths, Totals, bytes};
+pub use counts::{ForwardCounts, GradientCounts, TableLengths, Totals, bytes};
 pub use parts::Parts;
 #[cfg(feature = "renderer")]
 pub use set::{BufferSet, Contents};
@@ -46,7 +46,7 @@ impl Sizes {
     pub const NONE: Self = Self([0; BufferId::COUNT]);
 
     /// The sizes of a forward frame's buffers by their formulas.
-    pub fn of_frame(counts: &FrameCounts) -> Self {
+    pub fn of_frame(counts: &ForwardCounts) -> Self {
         Self(BufferId::ALL.map(|id| match id.row().size {
             Formula::Frame(size) => size(counts),
             Formula::Gradients(_) => 0,

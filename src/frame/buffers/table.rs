@@ -1,6 +1,6 @@
 //! The table of buffers, one row for each: name, element format, role, usages and size.
 
-use super::{FrameCounts, GradientCounts, Role, UNUSED_SIZE, bytes};
+use super::{ForwardCounts, GradientCounts, Role, UNUSED_SIZE, bytes};
 use crate::constants as c;
 use crate::vulkan::{TexelFormat, vk};
 
@@ -8,7 +8,7 @@ use crate::vulkan::{TexelFormat, vk};
 #[derive(Clone, Copy)]
 pub enum Formula {
     /// For a buffer of a forward frame.
-    Frame(fn(&FrameCounts) -> u64),
+    Frame(fn(&ForwardCounts) -> u64),
     /// For a buffer that a backward pass adds.
     Gradients(fn(&GradientCounts) -> u64),
 }

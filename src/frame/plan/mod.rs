@@ -33,7 +33,7 @@ pub use walk::Walks;
 
 use crate::constants as c;
 use crate::error::{Error, Result};
-use crate::frame::buffers::{FrameCounts, Sizes, TableLengths, Totals};
+use crate::frame::buffers::{ForwardCounts, Sizes, TableLengths, Totals};
 use crate::scene::{Lights, Settings};
 use modes::clips;
 
@@ -195,13 +195,13 @@ fn shades(modes: &Modes) -> bool {
     modes.outputs & !c::OUTPUT_SILHOUETTE != 0 || !in_range || modes.opacity != 0
 }
 
-fn counts_of(input: &PlanInput, push: &FramePush, modes: &Modes, totals: Totals, walks: Walks) -> FrameCounts {
+fn counts_of(input: &PlanInput, push: &FramePush, modes: &Modes, totals: Totals, walks: Walks) -> ForwardCounts {
     let sampled = input.sampling.surface || input.sampling.image;
     let record = c::SHADING_TEXELS
         + u32::from(sampled) * c::SHADING_COORDINATE_TEXELS
         + u32::from(input.settings.outputs.normal) * c::SHADING_NORMAL_TEXELS
         + 3 * modes.feature_texels;
-    FrameCounts {
+    ForwardCounts {
         tables: input.tables,
         views: input.views.len() as u64,
         lights: input.lights.directional.len() as u64,

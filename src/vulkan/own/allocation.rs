@@ -23,7 +23,7 @@ pub(super) fn allocator(device: &Device) -> Result<Allocator> {
     .map_err(|error| allocation("allocator", 0, &error))
 }
 
-/// The bits of [`Shared::direct_types`](super::context::Shared::direct_types): only where the device's memory is the host's own, since a discrete GPU's
+/// The bits of [`ContextInner::direct_types`](super::context::ContextInner::direct_types): only where the device's memory is the host's own, since a discrete GPU's
 /// mappable memory is slow to read and scarce.
 pub(super) fn direct_types(device: &Device, kind: DeviceKind) -> u32 {
     if !matches!(kind, DeviceKind::Integrated | DeviceKind::Software) {

@@ -6,7 +6,7 @@ use super::super::keep::{Kept, Uses};
 use super::super::result::Named;
 use super::access::{Access, HostUse, Mapped, MappedMut};
 use super::allocation::allocation;
-use super::context::{Context, Shared};
+use super::context::{Context, ContextInner};
 use crate::{Error, Result};
 use ash::vk;
 use gpu_allocator::MemoryLocation;
@@ -17,12 +17,12 @@ use std::sync::{Arc, PoisonError};
 /// A buffer with memory of its own.
 #[derive(Debug)]
 pub struct Buffer {
-    inner: Arc<Inner>,
+    inner: Arc<BufferInner>,
     whole: BufferPart,
 }
 
-struct Inner {
-    shared: Arc<Shared>,
+struct BufferInner {
+    shared: Arc<ContextInner>,
     raw: vk::Buffer,
     /// Null where there is none.
     view: vk::BufferView,
@@ -52,9 +52,9 @@ impl Buffer {
             usage |= vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER;
         }
         let info = vk::BufferCreateInfo::default().size(size).usage(usage).sharing_mode(vk::SharingMode::EXCLUSIVE);
-        // SAFETY: a plain creation; `Inner` destroys it, on errors below as well.
+        // SAFETY: a plain creation; `BufferInner` destroys it, on errors below as well.
         let raw = unsafe { device.raw().create_buffer(&info, None) }.named("vkCreateBuffer")?;
-        let mut inner = Inner {
+        let mut inner = BufferInner {
             shared: shared.clone(),
             raw,
             view: vk::BufferView::null(),
@@ -68,7 +68,7 @@ impl Buffer {
         device.name_object(raw, desc.name);
         inner.allocate(desc.location)?;
         if let Some(texels) = desc.texels {
-            // SAFETY: the buffer has the usage, its memory is bound, and it outlives the view (`Inner::drop`).
+            // SAFETY: the buffer has the usage, its memory is bound, and it outlives the view (`BufferInner::drop`).
             inner.view = unsafe { create_view(device, raw, 0, size, texels, desc.name) }?;
         }
         let inner = Arc::new(inner);
@@ -178,7 +178,7 @@ impl Buffer {
     }
 }
 
-impl Inner {
+impl BufferInner {
     /// Finds memory and binds it.
     fn allocate(&mut self, location: Location) -> Result<()> {
         let device = self.shared.device.raw();
@@ -221,7 +221,7 @@ impl Inner {
     }
 }
 
-impl Kept for Inner {
+impl Kept for BufferInner {
     fn uses(&self, uses: &mut Uses) {
         if self.host {
             uses.mapped.push(self.access.clone());
@@ -229,7 +229,7 @@ impl Kept for Inner {
     }
 }
 
-impl Drop for Inner {
+impl Drop for BufferInner {
     fn drop(&mut self) {
         let device = self.shared.device.raw();
         // SAFETY: the device is done with both: whatever recorded them kept this Inner until then. Null is ignored.
@@ -245,9 +245,13 @@ impl Drop for Inner {
     }
 }
 
-impl std::fmt::Debug for Inner {
+impl std::fmt::Debug for BufferInner {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let mapped = self.mapped().is_some();
-        f.debug_struct("Inner").field("name", &self.name).field("size", &self.size).field("mapped", &mapped).finish()
+        f.debug_struct("BufferInner")
+            .field("name", &self.name)
+            .field("size", &self.size)
+            .field("mapped", &mapped)
+            .finish()
     }
 }

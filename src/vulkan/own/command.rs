@@ -3,7 +3,7 @@
 use super::super::keep::{Keep, Uses};
 use super::super::recorder::Recorder;
 use super::super::result::{Named, misuse_of};
-use super::context::{Context, Shared};
+use super::context::{Context, ContextInner};
 use crate::{Error, Result};
 use ash::vk;
 use std::sync::{Arc, PoisonError};
@@ -11,7 +11,7 @@ use std::sync::{Arc, PoisonError};
 /// A command buffer with a pool and a fence of its own. It keeps alive what it recorded, and while it is pending the host
 /// cannot reach the mapped buffers among that.
 pub struct CommandBuffer {
-    shared: Arc<Shared>,
+    shared: Arc<ContextInner>,
     pool: vk::CommandPool,
     raw: vk::CommandBuffer,
     fence: vk::Fence,

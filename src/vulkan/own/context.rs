@@ -48,11 +48,11 @@ pub struct Context {
     // Dropped in this order: the cache is written while the device lives.
     cache: PipelineCache,
     info: DeviceInfo,
-    shared: Arc<Shared>,
+    shared: Arc<ContextInner>,
 }
 
 /// The part of a context that buffers and command buffers need.
-pub(super) struct Shared {
+pub(super) struct ContextInner {
     // Before the device: dropping the allocator frees its memory.
     pub(super) allocator: Mutex<Allocator>,
     /// Only one thread at a time may submit.
@@ -83,7 +83,7 @@ impl Context {
         let queue = unsafe { device.raw().get_device_queue(queue_family, 0) };
         device.name_object(queue, "queue");
         let cache = PipelineCache::in_folder(&device, &options.cache)?;
-        let shared = Arc::new(Shared {
+        let shared = Arc::new(ContextInner {
             allocator: Mutex::new(allocator),
             queue: Mutex::new(queue),
             queue_family,
@@ -134,7 +134,7 @@ impl Context {
         self.device().owned_instance().map(|instance| instance.log.clone()).unwrap_or_default()
     }
 
-    pub(super) fn shared(&self) -> &Arc<Shared> {
+    pub(super) fn shared(&self) -> &Arc<ContextInner> {
         &self.shared
     }
 }

@@ -10,7 +10,7 @@ use spirv::Op;
 use std::collections::{HashMap, HashSet};
 
 /// A part of a variable that is no struct, array or matrix, by number.
-type Slot = usize;
+type PartNumber = usize;
 
 /// Values of slots while the blocks of a function are gone through.
 struct Promotion<'a> {
@@ -223,7 +223,7 @@ impl Promotion<'_> {
 
     /// The value of a slot at the end of a block, or so far in the block that is being processed. Variables that a loop
     /// carries on are not promoted, so values come only from earlier blocks.
-    fn read(&mut self, block: usize, slot: Slot) -> u32 {
+    fn read(&mut self, block: usize, slot: PartNumber) -> u32 {
         // This does not recurse, because there may be thousands of blocks.
         let mut asked = vec![block];
         while let Some(&at) = asked.last() {
@@ -241,12 +241,12 @@ impl Promotion<'_> {
         *self.value(block, slot)
     }
 
-    fn value(&mut self, block: usize, slot: Slot) -> &mut u32 {
+    fn value(&mut self, block: usize, slot: PartNumber) -> &mut u32 {
         &mut self.values[block * self.slots.len() + slot]
     }
 
     /// The value that a slot has when a block begins.
-    fn joined(&mut self, block: usize, slot: Slot) -> u32 {
+    fn joined(&mut self, block: usize, slot: PartNumber) -> u32 {
         let pairs = self.leading[block]
             .iter()
             .flat_map(|from| [self.values[*from * self.slots.len() + slot], self.labels[*from]]);

@@ -30,13 +30,13 @@ struct Record {
 /// The push constants of glsl/selftest.comp.
 #[repr(C)]
 #[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
-struct Push {
+struct TestPush {
     scale: f32,
     count: u32,
     offset: [f32; 2],
 }
 
-const PUSH: Push = Push { scale: 2.0, count: COUNT, offset: [0.25, -0.75] };
+const PUSH: TestPush = TestPush { scale: 2.0, count: COUNT, offset: [0.25, -0.75] };
 
 fn context() -> crate::Result<Context> {
     Context::new(&ContextOptions { cache: CacheFolder::Nowhere, ..Default::default() })

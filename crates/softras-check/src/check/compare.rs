@@ -1,6 +1,6 @@
 //! Compares one scene between the device and the f64 reference.
 
-use super::scenes::Case;
+use super::scenes::CheckCase;
 use crate::agreement::{self, Group, IMAGE_MARGIN, Subject};
 use crate::stress::fingerprint;
 use softras::{Error, Frame, GradientRequest, Gradients, Image, ImageGradient, Renderer, Result, Settings};
@@ -37,7 +37,7 @@ impl Findings {
 ///
 /// # Errors
 /// Errors of the device.
-pub fn compare(renderer: &mut Renderer, case: &Case) -> Result<Findings> {
+pub fn compare(renderer: &mut Renderer, case: &CheckCase) -> Result<Findings> {
     let settings = Settings { save: true, ..case.settings.clone() };
     let truth = softras_reference::render_culled(&case.scene, &case.cameras, &settings)?;
     let upstream = upstream(&truth, &settings);

@@ -4,4 +4,4 @@ mod compare;
 mod scenes;
 
 pub use compare::{Findings, GRADIENTS, IMAGE_TOLERANCE, IMAGES, compare};
-pub use scenes::{Case, cases};
+pub use scenes::{CheckCase, cases};

@@ -9,7 +9,7 @@ use softras::shapes::{cube, icosphere, torus};
 use softras::{Camera, GradientMode, Lights, Mesh, Projection, Result, Scene, Settings};
 
 /// One scene, rendered and differentiated.
-pub struct Case {
+pub struct CheckCase {
     /// The name in the table.
     pub name: &'static str,
     /// The part of the model that it tests.
@@ -32,13 +32,13 @@ const FOV: Projection = Projection::Perspective { fov_y: 0.6 };
 ///
 /// # Errors
 /// None that depend on the device.
-pub fn cases() -> Result<Vec<Case>> {
+pub fn cases() -> Result<Vec<CheckCase>> {
     Ok([softmax_cases()?, mode_cases()?, appearance_cases()?, hard_places()?].into_iter().flatten().collect())
 }
 
-fn case(name: &'static str, about: &'static str, mesh: Mesh, settings: Settings) -> Result<Case> {
+fn case(name: &'static str, about: &'static str, mesh: Mesh, settings: Settings) -> Result<CheckCase> {
     let cameras = vec![camera(4.0, FOV)?];
-    Ok(Case {
+    Ok(CheckCase {
         name,
         about,
         scene: Scene::new(mesh),
@@ -73,12 +73,12 @@ fn ring() -> Result<Mesh> {
     torus(0.7, 0.3, 16, 8)
 }
 
-fn softmax_cases() -> Result<Vec<Case>> {
+fn softmax_cases() -> Result<Vec<CheckCase>> {
     let clip = Settings { surface_point: SurfacePoint::Clip, ..soft() };
     let composite = Settings { background: Background::Composite, ..soft() };
     Ok(vec![
         case("softmax", "the paper's model", ring()?, soft())?,
-        Case {
+        CheckCase {
             mode: GradientMode::Paper,
             ..case("paper", "the paper's clipped barycentrics and eq. 4", ring()?, clip)?
         },
@@ -86,7 +86,7 @@ fn softmax_cases() -> Result<Vec<Case>> {
     ])
 }
 
-fn mode_cases() -> Result<Vec<Case>> {
+fn mode_cases() -> Result<Vec<CheckCase>> {
     let hard = Settings { color: ColorAggregation::Hard, ..soft() };
     let sum = Settings { silhouette: SilhouetteAggregation::Sum, faces: Faces::Front, ..soft() };
     let mut sum = case("sum", "summed silhouette, front faces, flat light, a calibrated camera", ring()?, sum)?;
@@ -100,7 +100,7 @@ fn mode_cases() -> Result<Vec<Case>> {
     ])
 }
 
-fn appearance_cases() -> Result<Vec<Case>> {
+fn appearance_cases() -> Result<Vec<CheckCase>> {
     let perspective = Settings { interpolation: Interpolation::Perspective, ..soft() };
     let all = Settings { outputs: Outputs::ALL, background: Background::Composite, ..soft() };
     let mut smooth = case("smooth", "smooth light, depth and normals", icosphere(1)?, all)?;
@@ -108,7 +108,7 @@ fn appearance_cases() -> Result<Vec<Case>> {
     Ok(vec![case("textured", "image texture, correct in perspective", textured()?, perspective)?, smooth])
 }
 
-fn hard_places() -> Result<Vec<Case>> {
+fn hard_places() -> Result<Vec<CheckCase>> {
     let near = Settings { near: 0.9, sigma: 1e-4, gamma: 1e-3, ..soft() };
     let mut clipped = case("near", "triangles cut by the near plane", ring()?, near)?;
     clipped.cameras = vec![camera(1.2, Projection::Perspective { fov_y: 1.2 })?];
@@ -118,7 +118,7 @@ fn hard_places() -> Result<Vec<Case>> {
     let sharp = Settings { sigma: 1e-7, gamma: 1e-6, background: Background::Composite, ..soft() };
     let sharp = case("sharp", "tiny sigma and gamma", ring()?, sharp)?;
     // The soft edge is a hundredth of a pixel wide there, so float32 has about two digits for a position on it.
-    Ok(vec![clipped, batch, Case { gradient_tolerance: 1e-2, ..sharp }])
+    Ok(vec![clipped, batch, CheckCase { gradient_tolerance: 1e-2, ..sharp }])
 }
 
 fn lights(shading: Shading) -> Lights {

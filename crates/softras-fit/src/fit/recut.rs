@@ -41,7 +41,7 @@ const TRIAL: f64 = 0.05;
 const MOST_TRIED: usize = 12;
 
 /// The faults of a mesh's topology, and how near its silhouettes are.
-struct Found {
+struct MeshFaults {
     unseen: Unseen,
     /// The share of the solid that is enclosed other than once.
     overlap: f64,
@@ -49,7 +49,7 @@ struct Found {
     iou: f64,
 }
 
-impl Found {
+impl MeshFaults {
     fn of(mesh: &Mesh, targets: &Views, settings: &Settings, renderer: &mut Renderer) -> Result<Self> {
         let (unseen, ious) = Unseen::compare(mesh, targets, settings, renderer)?;
         Ok(Self { unseen, overlap: overlap(mesh, VOXELS)?, iou: mean(&ious) })
@@ -92,7 +92,7 @@ impl Fitting {
             return Ok(());
         }
         let old = self.mesh().clone();
-        let before = Found::of(&old, &self.run.targets, &settings, work.renderer)?;
+        let before = MeshFaults::of(&old, &self.run.targets, &settings, work.renderer)?;
         if !before.is_wrong() {
             return Ok(());
         }
@@ -124,8 +124,8 @@ impl Fitting {
     /// faults and a lower loss after a trial; `None` if the old mesh stays. And the figures that decided, for a note.
     fn better(
         &self,
-        made: &[(Mesh, Found)],
-        before: &Found,
+        made: &[(Mesh, MeshFaults)],
+        before: &MeshFaults,
         step: usize,
         work: &mut Work,
     ) -> Result<(Option<ShapeFit>, String)> {
@@ -136,7 +136,7 @@ impl Fitting {
             let options = ShapeOptions { views_per_step, ..setup.options_of(mesh) };
             ShapeFit::new(mesh.clone(), self.subject.lights.clone(), options)
         };
-        let ious = |after: &Found| format!("mask IoU {:.4}, before {:.4}", after.iou, before.iou);
+        let ious = |after: &MeshFaults| format!("mask IoU {:.4}, before {:.4}", after.iou, before.iou);
         let mut why = String::new();
         if let Some((mesh, after)) = made.last() {
             why = ious(after);
@@ -180,7 +180,13 @@ impl Fitting {
 
     /// The mesh cut to the silhouettes, with the parts that it leaves out, several times with ever shorter edges until one is better
     /// at once.
-    fn cut(&self, mesh: &Mesh, before: &Found, settings: &Settings, work: &mut Work) -> Result<Vec<(Mesh, Found)>> {
+    fn cut(
+        &self,
+        mesh: &Mesh,
+        before: &MeshFaults,
+        settings: &Settings,
+        work: &mut Work,
+    ) -> Result<Vec<(Mesh, MeshFaults)>> {
         let missing = self.run.targets.silhouette.as_ref().and_then(|silhouette| before.unseen.missing(silhouette));
         let hull = match &self.setup.hull {
             Some(hull) => hull.clone(),
@@ -191,14 +197,14 @@ impl Fitting {
         };
         let raw = cut_to(hull, &self.run.targets, mesh, missing.as_ref())?;
         self.check_handles(&raw, mesh)?;
-        let (mut made, edge): (Vec<(Mesh, Found)>, f64) = (Vec::new(), edge(mesh)?);
+        let (mut made, edge): (Vec<(Mesh, MeshFaults)>, f64) = (Vec::new(), edge(mesh)?);
         for share in EDGES {
             if share < 1.0 && share * edge < LEAST_EDGE * self.subject.pixel {
                 break;
             }
             work.goes_on()?;
             let new = evened(&raw, share * edge)?;
-            let found = Found::of(&new, &self.run.targets, settings, work.renderer)?;
+            let found = MeshFaults::of(&new, &self.run.targets, settings, work.renderer)?;
             let is_better = found.replaces(before);
             made.push((new, found));
             if is_better {
@@ -239,10 +245,10 @@ fn edge(mesh: &Mesh) -> Result<f64> {
 mod tests {
     use super::*;
 
-    fn found(covered: &[usize], overlap: f64, iou: f64) -> Found {
+    fn found(covered: &[usize], overlap: f64, iou: f64) -> MeshFaults {
         let mut unseen = Unseen::default();
         unseen.covered.extend(covered);
-        Found { unseen, overlap, iou }
+        MeshFaults { unseen, overlap, iou }
     }
 
     #[test]

@@ -142,8 +142,8 @@ fn uncovered(
     let Some(silhouettes) = &views.silhouette else { return Ok(None) };
     let n = using.len();
     let grid = Samples::new(bounds.center - bounds.radius, 2.0 * bounds.radius, RESOLUTION);
-    let mut cells: Vec<Cells> =
-        using.iter().map(|view| Cells::of(views, silhouettes, *view, bounds.center, grid.step, n + 1)).collect();
+    let mut cells: Vec<MaskSquares> =
+        using.iter().map(|view| MaskSquares::of(views, silhouettes, *view, bounds.center, grid.step, n + 1)).collect();
     // A sample stands for all of its cube.
     let reach = 0.5 * grid.step;
     for at in 0..grid.values.len() {
@@ -169,7 +169,7 @@ fn uncovered(
 }
 
 /// A mask in squares, each some samples of the hull wide, and by which hulls each square is covered.
-struct Cells {
+struct MaskSquares {
     /// Pixels along a side of a square.
     side: usize,
     columns: usize,
@@ -179,7 +179,7 @@ struct Cells {
     covered: Vec<bool>,
 }
 
-impl Cells {
+impl MaskSquares {
     fn of(views: &Views, silhouettes: &Image, view: usize, center: DVec3, step: f64, hulls: usize) -> Self {
         let (height, width) = (silhouettes.height, silhouettes.width);
         let pixel = cameras::pixel_of(&views.cameras[view], center, (height, width));

@@ -26,7 +26,7 @@ const LEAST_GAIN: f64 = 0.05;
 const MOST_LEFT: f64 = 0.8;
 
 /// The colour that a view shows of a point, by its logarithm.
-struct Sight {
+struct PointColor {
     point: usize,
     view: usize,
     log: DVec3,
@@ -73,7 +73,7 @@ pub fn leveled(subject: &mut Subject, mesh: &Mesh, settings: &Settings, work: &m
 pub fn disagreement(views: &Views, mesh: &Mesh, settings: &Settings, renderer: &mut Renderer) -> Result<Option<f64>> {
     let mut sights = sights(views, mesh, settings, renderer)?;
     sights.retain(|sight| sight.log.max_element() < BRIGHTEST.ln());
-    let deviation = |sights: &[Sight]| {
+    let deviation = |sights: &[PointColor]| {
         let (colors, count) = (sights.iter().map(|sight| sight.log.exp()), sights.len() as f64);
         let mean = colors.clone().sum::<DVec3>() / count;
         (colors.map(|color| (color - mean).length_squared()).sum::<f64>() / (count - 1.0)).sqrt()
@@ -83,18 +83,18 @@ pub fn disagreement(views: &Views, mesh: &Mesh, settings: &Settings, renderer: &
     Ok((all.len() >= FEWEST).then(|| all.iter().sum::<f64>() / all.len() as f64))
 }
 
-fn sights(views: &Views, mesh: &Mesh, settings: &Settings, renderer: &mut Renderer) -> Result<Vec<Sight>> {
+fn sights(views: &Views, mesh: &Mesh, settings: &Settings, renderer: &mut Renderer) -> Result<Vec<PointColor>> {
     let seen = Seen::of(mesh, views, settings, renderer)?;
     let surface: Vec<(DVec3, DVec3)> = points(mesh).into_iter().zip(normals(mesh)).collect();
     let some: Vec<_> = surface.iter().step_by(surface.len().div_ceil(POINTS).max(1)).collect();
     let of_point = |(point, (place, normal)): (usize, &&(DVec3, DVec3))| {
         let log = |view: usize| {
             let (color, _) = seen.by(view, *place, *normal)?;
-            (color.min_element() > DARKEST).then(|| Sight { point, view, log: color.map(f64::ln) })
+            (color.min_element() > DARKEST).then(|| PointColor { point, view, log: color.map(f64::ln) })
         };
-        (0..views.cameras.len()).filter_map(log).collect::<Vec<Sight>>()
+        (0..views.cameras.len()).filter_map(log).collect::<Vec<PointColor>>()
     };
-    let sights: Vec<Vec<Sight>> = on_all_cores(|| some.par_iter().enumerate().map(of_point).collect());
+    let sights: Vec<Vec<PointColor>> = on_all_cores(|| some.par_iter().enumerate().map(of_point).collect());
     // One view alone always agrees with itself.
     Ok(sights.into_iter().filter(|of_point| of_point.len() > 1).flatten().collect())
 }
@@ -102,10 +102,10 @@ fn sights(views: &Views, mesh: &Mesh, settings: &Settings, renderer: &mut Render
 /// The logarithms of the gains of a channel, and the median differences of the sights without and with them.
 ///
 /// A value at its end says only that the colour is at least so bright. So it counts only where gain and colour say that it is darker.
-fn gains(sights: &[Sight], channel: usize, views: usize) -> (Vec<f64>, f64, f64) {
+fn gains(sights: &[PointColor], channel: usize, views: usize) -> (Vec<f64>, f64, f64) {
     let points = sights.last().map_or(0, |last| last.point + 1);
-    let log = |sight: &Sight| sight.log[channel].min(BRIGHTEST.ln());
-    let counts = |sight: &Sight, gain: f64, color: f64| log(sight).min(gain + color) < BRIGHTEST.ln() - 1e-9;
+    let log = |sight: &PointColor| sight.log[channel].min(BRIGHTEST.ln());
+    let counts = |sight: &PointColor, gain: f64, color: f64| log(sight).min(gain + color) < BRIGHTEST.ln() - 1e-9;
     let colors = |gains: &[f64], before: &[f64]| -> Vec<f64> {
         // The sum and the number of the sights that count, and the brightest of all.
         let mut sums = vec![(0.0, 0.0, f64::NEG_INFINITY); points];
@@ -117,7 +117,7 @@ fn gains(sights: &[Sight], channel: usize, views: usize) -> (Vec<f64>, f64, f64)
         }
         sums.into_iter().map(|(sum, count, most)| if count > 0.0 { sum / count } else { most }).collect()
     };
-    let mut by_view: Vec<Vec<&Sight>> = vec![Vec::new(); views];
+    let mut by_view: Vec<Vec<&PointColor>> = vec![Vec::new(); views];
     sights.iter().for_each(|sight| by_view[sight.view].push(sight));
     // The residuals of the sights of a view that count.
     let left = |view: usize, gain: f64, colors: &[f64]| -> Vec<f64> {

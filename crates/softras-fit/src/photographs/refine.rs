@@ -13,7 +13,7 @@ use super::{
 use crate::{
     ImageLoss, Method, Optimizer, Schedule, ShapeFit, ShapeOptions, evened, pooled,
     solid::hull::wide_hull,
-    work::{Stage as Part, Work},
+    work::{Stage, Work},
 };
 use glam::{DMat3, DMat4, DVec3};
 use softras::{
@@ -39,15 +39,15 @@ const FEWEST: usize = 6;
 /// The views that a trial takes of more. More would tell the same, and take longer.
 const MOST_TRIED: usize = 36;
 /// Tells whether refined cameras agree better, at half the resolution. The stages are as those below.
-const TRIAL: [Stage; 2] = [
-    Stage { shrink: 2, steps: 40, waits: 10, sigma: (3e-4, 1e-4), rate: (0.5, 0.1), edge: 3.0, turns: false },
-    Stage { shrink: 2, steps: 120, waits: 15, sigma: (1e-4, 1e-5), rate: (0.3, 0.02), edge: 2.0, turns: true },
+const TRIAL: [RefineStage; 2] = [
+    RefineStage { shrink: 2, steps: 40, waits: 10, sigma: (3e-4, 1e-4), rate: (0.5, 0.1), edge: 3.0, turns: false },
+    RefineStage { shrink: 2, steps: 120, waits: 15, sigma: (1e-4, 1e-5), rate: (0.3, 0.02), edge: 2.0, turns: true },
 ];
 /// The first stage finds where each camera points. The effect of its turn about the object is seen only once the shape and the
 /// colours are nearly right, so that turns are left to the second one.
-const STAGES: [Stage; 2] = [
-    Stage { shrink: 2, steps: 40, waits: 10, sigma: (3e-4, 1e-4), rate: (0.5, 0.1), edge: 3.0, turns: false },
-    Stage { shrink: 1, steps: 140, waits: 25, sigma: (1e-4, 1e-5), rate: (0.3, 0.02), edge: 1.5, turns: true },
+const STAGES: [RefineStage; 2] = [
+    RefineStage { shrink: 2, steps: 40, waits: 10, sigma: (3e-4, 1e-4), rate: (0.5, 0.1), edge: 3.0, turns: false },
+    RefineStage { shrink: 1, steps: 140, waits: 25, sigma: (1e-4, 1e-5), rate: (0.3, 0.02), edge: 1.5, turns: true },
 ];
 /// The smallest side of a picture of fewer pixels.
 const LEAST_SIDE: usize = 64;
@@ -62,7 +62,7 @@ const COLOR_WEIGHT: f64 = 5.0;
 const COLOR_RATE: f64 = 0.03;
 
 /// A part of the refinement.
-struct Stage {
+struct RefineStage {
     /// Pixels of the pictures along a side of its pixels.
     shrink: usize,
     steps: usize,
@@ -112,7 +112,7 @@ pub fn refined(subject: &mut Subject, is_narrowed: bool, work: &mut Work) -> Res
     {
         return Ok(());
     }
-    work.begin(Part::Cameras, TRIAL.iter().chain(&STAGES).map(|stage| stage.steps).sum::<usize>())?;
+    work.begin(Stage::Cameras, TRIAL.iter().chain(&STAGES).map(|stage| stage.steps).sum::<usize>())?;
     let mut some = spread(subject);
     let Some(mut given) = measured(some.as_ref().unwrap_or(subject), work)? else { return Ok(()) };
     if given.beyond_samples.masks < AGREED && given.beyond_samples.colors.is_none() {
@@ -192,7 +192,7 @@ struct Refined {
 }
 
 /// Refines the cameras of an object, which keeps its own; `None` where no hull is left.
-fn attempt(subject: &mut Subject, stages: &[Stage], given: &Given, work: &mut Work) -> Result<Option<Refined>> {
+fn attempt(subject: &mut Subject, stages: &[RefineStage], given: &Given, work: &mut Work) -> Result<Option<Refined>> {
     let cameras = subject.views.cameras.clone();
     let mut motions = Motions::new(&cameras, subject.bounds, subject.pixel);
     for stage in stages {
@@ -209,7 +209,7 @@ fn attempt(subject: &mut Subject, stages: &[Stage], given: &Given, work: &mut Wo
     }))
 }
 
-impl Stage {
+impl RefineStage {
     /// Moves the cameras of an object together with a mesh that begins as its hull, wider by the disagreement in pixels. Whether
     /// there is one.
     fn refine(&self, motions: &mut Motions, subject: &Subject, off: f64, work: &mut Work) -> Result<bool> {

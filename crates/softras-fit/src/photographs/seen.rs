@@ -27,10 +27,10 @@ const MOST_DEPTHS: u32 = 1024;
 const ROUNDS: usize = 200;
 
 /// Views, and the depths of a mesh in them.
-pub struct Seen<'a>(Vec<Sight<'a>>);
+pub struct Seen<'a>(Vec<SeenView<'a>>);
 
 /// A view.
-struct Sight<'a> {
+struct SeenView<'a> {
     views: &'a Views,
     view: usize,
     /// The photograph that the view is a crop of, if colours are those of photographs.
@@ -49,8 +49,8 @@ impl<'a> Seen<'a> {
     pub fn of(mesh: &Mesh, views: &'a Views, settings: &Settings, renderer: &mut Renderer) -> Result<Self> {
         let (height, width) = views.size()?;
         let size = (width as u32, height as u32);
-        let sight = |(view, camera): (usize, &Camera)| Sight::new(views, view, None, *camera, size);
-        let mut sights: Vec<Sight<'_>> = views.cameras.iter().enumerate().map(sight).collect();
+        let sight = |(view, camera): (usize, &Camera)| SeenView::new(views, view, None, *camera, size);
+        let mut sights: Vec<SeenView<'_>> = views.cameras.iter().enumerate().map(sight).collect();
         let (scene, settings) = depths_of(mesh, settings)?;
         parts::in_batches(renderer, &scene, &views.cameras, &sized(&settings, (height, width), 1), |some, frame| {
             let depths = frame.depth()?;
@@ -65,7 +65,7 @@ impl<'a> Seen<'a> {
         let (scene, settings) = depths_of(mesh, settings)?;
         let sight = |(view, photograph): (usize, &'a Photograph)| {
             let (camera, size) = (photograph.camera(&views.cameras[view])?, photograph.size());
-            let mut sight = Sight::new(views, view, Some(photograph), camera, size);
+            let mut sight = SeenView::new(views, view, Some(photograph), camera, size);
             let step = size.0.max(size.1).div_ceil(MOST_DEPTHS).max(1);
             let size = (size.1.div_ceil(step) as usize, size.0.div_ceil(step) as usize);
             let coarse = cameras::scaled(&camera, [1.0 / f64::from(step); 2])?;
@@ -148,7 +148,7 @@ fn depths_of(mesh: &Mesh, settings: &Settings) -> Result<(Scene, Settings)> {
     Ok((scene, Settings { outputs, sigma: 1e-7, gamma: 1e-5, ..settings.clone() }))
 }
 
-impl<'a> Sight<'a> {
+impl<'a> SeenView<'a> {
     fn new(
         views: &'a Views,
         view: usize,

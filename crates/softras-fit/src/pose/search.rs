@@ -56,7 +56,7 @@ pub struct PoseSearch {
     starts: usize,
     steps: usize,
     translates: bool,
-    stage: Stage,
+    stage: SearchStage,
     /// Poses that were fitted and not refined, with their losses by plain colours.
     hopeless: Vec<Scored>,
 }
@@ -65,7 +65,7 @@ pub struct PoseSearch {
 type Scored = (Pose, f64);
 
 #[derive(Debug)]
-enum Stage {
+enum SearchStage {
     /// The rotations of the grid so far with their losses.
     Grid(Vec<Scored>),
     /// Fits from the most likely rotations, or from the pose that is refined.
@@ -104,7 +104,7 @@ impl PoseSearch {
             return bad("a mesh without extent", "give one that can be seen");
         }
         let settings = Settings { faces: if is_solid(&mesh)? { Faces::Front } else { Faces::Both }, ..settings };
-        let (scene, stage) = (Scene::new(mesh), Stage::Grid(Vec::with_capacity(GRID)));
+        let (scene, stage) = (Scene::new(mesh), SearchStage::Grid(Vec::with_capacity(GRID)));
         Ok(Self {
             scene,
             camera,
@@ -148,9 +148,9 @@ impl PoseSearch {
     pub fn step_count(&self) -> usize {
         let after = |round: usize| (round..ROUNDS.len()).map(|round| self.steps_of(round)).sum::<usize>();
         match &self.stage {
-            Stage::Grid(_) => GRID.div_ceil(BATCH) + after(0),
-            Stage::Fits(fits) => fits.steps - fits.taken + after(fits.round + 1),
-            Stage::Done(_) => 0,
+            SearchStage::Grid(_) => GRID.div_ceil(BATCH) + after(0),
+            SearchStage::Fits(fits) => fits.steps - fits.taken + after(fits.round + 1),
+            SearchStage::Done(_) => 0,
         }
     }
 
@@ -162,17 +162,17 @@ impl PoseSearch {
     pub fn step(&mut self, renderer: &mut Renderer) -> Result<Option<f64>> {
         let least = |losses: &mut dyn Iterator<Item = f64>| losses.fold(f64::INFINITY, f64::min);
         let loss = match &mut self.stage {
-            Stage::Done(_) => return Ok(None),
-            Stage::Grid(scored) => {
+            SearchStage::Done(_) => return Ok(None),
+            SearchStage::Grid(scored) => {
                 let from = scored.len();
                 let batch = self.grid_losses(renderer, from)?;
                 let loss = least(&mut batch.iter().map(|(_, loss)| *loss));
-                if let Stage::Grid(scored) = &mut self.stage {
+                if let SearchStage::Grid(scored) = &mut self.stage {
                     scored.extend(batch);
                 }
                 loss
             }
-            Stage::Fits(fits) => {
+            SearchStage::Fits(fits) => {
                 fits.taken += 1;
                 least(&mut fits.fit.step(renderer, &fits.target)?.into_iter())
             }
@@ -185,7 +185,7 @@ impl PoseSearch {
     /// five degrees apart count as one. Empty before the last step.
     pub fn found(&self) -> &[(Pose, f64)] {
         match &self.stage {
-            Stage::Done(found) => found,
+            SearchStage::Done(found) => found,
             _ => &[],
         }
     }
@@ -200,14 +200,14 @@ impl PoseSearch {
     /// Goes to the next stage where one is complete.
     fn advance(&mut self, renderer: &mut Renderer) -> Result<()> {
         let next = match &self.stage {
-            Stage::Grid(scored) if scored.len() == GRID => {
+            SearchStage::Grid(scored) if scored.len() == GRID => {
                 let starts = distinct(scored.clone(), APART[0]).into_iter().take(self.starts);
                 self.fits(starts.map(|(pose, _)| pose).collect(), self.steps_of(0), 0)?
             }
-            Stage::Fits(fits) if fits.taken == fits.steps => {
+            SearchStage::Fits(fits) if fits.taken == fits.steps => {
                 let found = distinct(Self::compared(fits, renderer)?, APART[1]);
                 if fits.round == LAST {
-                    Stage::Done(distinct([found, std::mem::take(&mut self.hopeless)].concat(), APART[1]))
+                    SearchStage::Done(distinct([found, std::mem::take(&mut self.hopeless)].concat(), APART[1]))
                 } else {
                     let (poses, hopeless) = self.kept(fits, found, renderer)?;
                     self.hopeless.extend(hopeless);
@@ -296,7 +296,7 @@ impl PoseSearch {
     /// The stage of a round of fits. σ is small in all of them, since a soft outline is wider than the picture's and the best pose
     /// for it is far away: at σ = 2e-3 the first round left starts 10 degrees off at 40 and more. The blur reaches far instead, on
     /// both images alike. The rounds that refine take small steps with little blur, so as not to leave their poses.
-    fn fits(&self, poses: Vec<Pose>, steps: usize, round: usize) -> Result<Stage> {
+    fn fits(&self, poses: Vec<Pose>, steps: usize, round: usize) -> Result<SearchStage> {
         let by = |from, to| Schedule::Exponential { from, to };
         // The two first rounds share one schedule, and so do the two last.
         let begun = if round < REFINING { 1.0 / 3.0 } else { 1.0 / 4.0 };
@@ -322,7 +322,7 @@ impl PoseSearch {
             },
         };
         let (fit, target) = self.fit(ROUNDS[round].0, options, poses)?;
-        Ok(Stage::Fits(Box::new(Fits { fit, target, taken: 0, steps, round })))
+        Ok(SearchStage::Fits(Box::new(Fits { fit, target, taken: 0, steps, round })))
     }
 
     /// The next rotations of the grid, moved to where the picture shows the object, with their losses.

@@ -278,7 +278,7 @@ impl View {
     }
 
     /// Where a point is seen; `None` behind the camera, and beyond the border of a picture that cuts its silhouette.
-    fn place(&self, point: DVec3) -> Option<Place> {
+    fn place(&self, point: DVec3) -> Option<PixelPlace> {
         let (width, height) = (self.distance.width as f64, self.distance.height as f64);
         let times = height / self.height;
         let [column, row, depth] = self.camera.project(point, ((width / times) as u32, self.height as u32))?;
@@ -291,12 +291,12 @@ impl View {
             Projection::Orthographic { half_height } => half_height,
             _ => return None,
         };
-        Some(Place { column: times * column, row: times * row, unit, depth })
+        Some(PixelPlace { column: times * column, row: times * row, unit, depth })
     }
 }
 
 /// A position in pixels of the distances' image, with the world units of a screen unit there and the view depth.
-struct Place {
+struct PixelPlace {
     column: f64,
     row: f64,
     unit: f64,

@@ -1,7 +1,7 @@
 //! Reads the arrays of a glTF file: positions, colours, UVs, indices, matrices.
 
 use super::{
-    Wrong,
+    GltfWrong,
     document::Document,
     json::{Accessor, SparsePart},
     lacks,
@@ -13,7 +13,7 @@ const MOST_ZEROS: usize = 1 << 20;
 
 /// The type of a component.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(super) enum ComponentType {
     I8,
     U8,
     I16,
@@ -22,7 +22,7 @@ pub(super) enum Kind {
     F32,
 }
 
-impl Kind {
+impl ComponentType {
     fn of(number: usize) -> Option<Self> {
         Some(match number {
             5120 => Self::I8,
@@ -79,14 +79,14 @@ fn whole(bytes: &[u8]) -> u32 {
 
 impl Document<'_> {
     /// Vectors of `N` components; further components of the file are left out, and those that it lacks are 1.
-    pub fn vectors<const N: usize>(&mut self, source: &mut Source, index: usize) -> Result<Vec<[f32; N]>, Wrong> {
+    pub fn vectors<const N: usize>(&mut self, source: &mut Source, index: usize) -> Result<Vec<[f32; N]>, GltfWrong> {
         let is_share = self.accessor(index)?.0.normalized;
         self.scaled(source, index, is_share)
     }
 
     /// Colours with alpha. Whole numbers are shares of the largest, also where the file does not say so; floats up to 255 are bytes.
-    pub fn colors(&mut self, source: &mut Source, index: usize) -> Result<Vec<[f32; 4]>, Wrong> {
-        let is_whole = self.accessor(index)?.1 != Kind::F32;
+    pub fn colors(&mut self, source: &mut Source, index: usize) -> Result<Vec<[f32; 4]>, GltfWrong> {
+        let is_whole = self.accessor(index)?.1 != ComponentType::F32;
         let mut colors = self.scaled::<4>(source, index, is_whole)?;
         if !is_whole && color::are_bytes(colors.iter().flat_map(|color| color[..3].iter().copied())) {
             source.notes.count(None, "colours up to 255 are divided by 255");
@@ -106,7 +106,7 @@ impl Document<'_> {
         source: &mut Source,
         index: usize,
         is_share: bool,
-    ) -> Result<Vec<[f32; N]>, Wrong> {
+    ) -> Result<Vec<[f32; N]>, GltfWrong> {
         let (accessor, kind) = self.accessor(index)?;
         let (has, least) = (components(accessor), kind.size());
         // Colours may lack their alpha.
@@ -117,20 +117,20 @@ impl Document<'_> {
     }
 
     /// Whole numbers.
-    pub fn indices(&mut self, source: &mut Source, index: usize) -> Result<Vec<u32>, Wrong> {
+    pub fn indices(&mut self, source: &mut Source, index: usize) -> Result<Vec<u32>, GltfWrong> {
         self.refuse_fractions(index)?;
         self.elements(source, index, 1, whole)
     }
 
     /// Four whole numbers each.
-    pub fn joints(&mut self, source: &mut Source, index: usize) -> Result<Vec<[u32; 4]>, Wrong> {
+    pub fn joints(&mut self, source: &mut Source, index: usize) -> Result<Vec<[u32; 4]>, GltfWrong> {
         let size = self.refuse_fractions(index)?.size();
         self.elements(source, index, 4, |bytes| std::array::from_fn(|k| whole(&bytes[k * size..(k + 1) * size])))
     }
 
-    fn refuse_fractions(&self, index: usize) -> Result<Kind, Wrong> {
+    fn refuse_fractions(&self, index: usize) -> Result<ComponentType, GltfWrong> {
         match self.accessor(index)?.1 {
-            kind @ (Kind::U8 | Kind::U16 | Kind::U32) => Ok(kind),
+            kind @ (ComponentType::U8 | ComponentType::U16 | ComponentType::U32) => Ok(kind),
             _ => {
                 let what = format!("accessor {index}: indices must be unsigned whole numbers");
                 Err((what, "give them the componentType 5121, 5123 or 5125".into()))
@@ -138,12 +138,12 @@ impl Document<'_> {
         }
     }
 
-    pub(super) fn accessor(&self, index: usize) -> Result<(&Accessor, Kind), Wrong> {
+    pub(super) fn accessor(&self, index: usize) -> Result<(&Accessor, ComponentType), GltfWrong> {
         let all = &self.root.accessors;
         let accessor = all.get(index).ok_or_else(|| lacks("accessor", index, all.len()))?;
         let types = "use 5120 to 5123, 5125 or 5126";
         let wrong = || (format!("accessor {index} has the componentType {}", accessor.component_type.0), types.into());
-        Kind::of(accessor.component_type.0).map(|kind| (accessor, kind)).ok_or_else(wrong)
+        ComponentType::of(accessor.component_type.0).map(|kind| (accessor, kind)).ok_or_else(wrong)
     }
 
     /// Reads each element from its bytes. Elements must have at least `needed` components.
@@ -153,7 +153,7 @@ impl Document<'_> {
         index: usize,
         needed: usize,
         read: impl Fn(&[u8]) -> T,
-    ) -> Result<Vec<T>, Wrong> {
+    ) -> Result<Vec<T>, GltfWrong> {
         let (accessor, kind) = self.accessor(index)?;
         let has = components(accessor);
         if has < needed {
@@ -176,7 +176,7 @@ impl Document<'_> {
         }
         .map_err(within(format!("accessor {index}")))?;
         if let Some((changed, indices, new)) = sparse {
-            let size = Kind::of(indices.1).map_or(0, Kind::size);
+            let size = ComponentType::of(indices.1).map_or(0, ComponentType::size);
             let at = self.strided(source, indices.0, size, changed, &whole)?;
             let new = self.strided(source, new.0, element, changed, &read)?;
             for (at, new) in at.into_iter().zip(new) {
@@ -195,7 +195,7 @@ impl Document<'_> {
         element: usize,
         count: usize,
         read: &impl Fn(&[u8]) -> T,
-    ) -> Result<Vec<T>, Wrong> {
+    ) -> Result<Vec<T>, GltfWrong> {
         let (view, stride) = self.view(source, view)?;
         let stride = if stride > 0 { stride } else { element };
         let bytes = view.bytes();

@@ -1,6 +1,6 @@
 //! The parts of a glTF file and the buffers that it names.
 
-use super::{AGAIN, CONVERT, Wrong, json, lacks, of_error};
+use super::{AGAIN, CONVERT, GltfWrong, json, lacks, of_error};
 use crate::{find::find, source::Source, text, within};
 use base64::{
     Engine,
@@ -12,7 +12,7 @@ use std::{borrow::Cow, collections::HashMap, path::PathBuf, rc::Rc};
 
 /// The JSON and the binary chunk of a file; a file of text is all JSON. Chunks of other kinds are passed over, and the last one may
 /// lack its padding.
-pub(super) fn split(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), Wrong> {
+pub(super) fn split(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), GltfWrong> {
     let Some(rest) = bytes.strip_prefix(b"glTF") else { return Ok((text::unmarked(bytes), None)) };
     let number = |at: usize| rest.get(at..at + 4).map(|n| u32::from_le_bytes([n[0], n[1], n[2], n[3]]));
     match number(0) {
@@ -60,7 +60,7 @@ impl<'a> Document<'a> {
         Self { root, binary, buffers, files, unpacked, views, held }
     }
 
-    pub fn buffer(&mut self, source: &mut Source, index: usize) -> Result<Rc<Cow<'a, [u8]>>, Wrong> {
+    pub fn buffer(&mut self, source: &mut Source, index: usize) -> Result<Rc<Cow<'a, [u8]>>, GltfWrong> {
         if let Some(known) = self.buffers.get(&index) {
             return Ok(known.clone());
         }
@@ -83,7 +83,7 @@ impl<'a> Document<'a> {
     }
 
     /// A file that buffers or images name, read once.
-    fn file(&mut self, source: &mut Source, uri: &str) -> Result<Rc<Cow<'a, [u8]>>, Wrong> {
+    fn file(&mut self, source: &mut Source, uri: &str) -> Result<Rc<Cow<'a, [u8]>>, GltfWrong> {
         let bytes: Vec<u8> = percent_decode_str(uri).collect();
         let beside = |what| (what, "copy it beside the file, or export a .glb, which holds all".into());
         let found = find(source.path, source.path, &text::decoded(&bytes), source.options.allow_outside);
@@ -102,7 +102,7 @@ impl<'a> Document<'a> {
     }
 
     /// The content of a part of a buffer, and its stride, 0 where there is none.
-    pub fn view(&mut self, source: &mut Source, index: usize) -> Result<(View<'a>, usize), Wrong> {
+    pub fn view(&mut self, source: &mut Source, index: usize) -> Result<(View<'a>, usize), GltfWrong> {
         let all = &self.root.buffer_views;
         let view = all.get(index).ok_or_else(|| lacks("view", index, all.len()))?;
         if let Some(buffer) = self.views.get(&index).cloned() {
@@ -125,7 +125,7 @@ impl<'a> Document<'a> {
     }
 
     /// The bytes of an image file.
-    pub fn image(&mut self, source: &mut Source, index: usize) -> Result<View<'a>, Wrong> {
+    pub fn image(&mut self, source: &mut Source, index: usize) -> Result<View<'a>, GltfWrong> {
         let all = &self.root.images;
         let image = all.get(index).ok_or_else(|| lacks("image", index, all.len()))?;
         let buffer = match (image.buffer_view, image.uri.as_deref()) {
@@ -158,7 +158,7 @@ impl View<'_> {
 }
 
 /// The bytes of a `data:` address, in base64 with or without padding and line ends, or percent-encoded; `None` for the name of a file.
-fn embedded(uri: &str) -> Option<Result<Vec<u8>, Wrong>> {
+fn embedded(uri: &str) -> Option<Result<Vec<u8>, GltfWrong>> {
     let config = GeneralPurposeConfig::new().with_decode_padding_mode(DecodePaddingMode::Indifferent);
     let config = config.with_decode_allow_trailing_bits(true);
     let (kind, data) = uri.strip_prefix("data:")?.split_once(',').unwrap_or_default();

@@ -1,8 +1,8 @@
 //! Unpacks the meshes of `KHR_draco_mesh_compression`.
 
 use super::{
-    MAX_DRAWN, Wrong,
-    accessor::Kind,
+    GltfWrong, MAX_DRAWN,
+    accessor::ComponentType,
     document::{Document, UNPACK},
     json, lacks, of_error,
 };
@@ -13,7 +13,7 @@ const NAME: &str = "KHR_draco_mesh_compression";
 
 impl Document<'_> {
     /// Unpacks the arrays of a primitive, unless the file has them unpacked too.
-    pub fn unpack(&mut self, source: &mut Source, primitive: &json::Primitive) -> Result<(), Wrong> {
+    pub fn unpack(&mut self, source: &mut Source, primitive: &json::Primitive) -> Result<(), GltfWrong> {
         let (Some(packed), Some(position)) = (primitive.extensions.get(NAME), primitive.attribute("POSITION")) else {
             return Ok(());
         };
@@ -40,7 +40,7 @@ impl Document<'_> {
             let attribute = id.as_u64().and_then(|id| mesh.attribute_by_unique_id(id as u32));
             let attribute = attribute.ok_or_else(|| wrong(format!("no attribute for {name}")))?;
             let (accessor, kind) = self.accessor(index)?;
-            if (kind == Kind::F32) != (attribute.data_type() == draco_core::DataType::Float32) {
+            if (kind == ComponentType::F32) != (attribute.data_type() == draco_core::DataType::Float32) {
                 return Err(wrong(format!("{name} is of another type than its accessor")));
             }
             let components = super::accessor::components(accessor);
@@ -57,7 +57,7 @@ impl Document<'_> {
         Ok(())
     }
 
-    fn keep(&mut self, source: &mut Source, accessor: usize, bytes: Vec<u8>) -> Result<(), Wrong> {
+    fn keep(&mut self, source: &mut Source, accessor: usize, bytes: Vec<u8>) -> Result<(), GltfWrong> {
         source.unpacked(bytes.len()).map_err(of_error)?;
         self.held += bytes.len();
         self.unpacked.insert(accessor, bytes);

@@ -1,7 +1,7 @@
 //! Materials of glTF files: base colours, emitted light, and their textures.
 
 use super::{
-    Piece, Wrong,
+    GltfWrong, Piece,
     document::Document,
     json::{self, Material, TextureInfo, Transform},
     lacks,
@@ -29,16 +29,16 @@ pub(super) struct Look {
     pub glow: [f32; 3],
     /// The alpha of the base colour.
     pub alpha: f32,
-    pub cut: Cut,
+    pub cut: AlphaMode,
     pub is_unlit: bool,
     pub is_double_sided: bool,
     /// Its texture: that of the base colour, or else that of emitted light.
-    pub map: Option<Map>,
+    pub map: Option<TextureMap>,
 }
 
 /// A texture and how UVs are placed in it.
 #[derive(Clone)]
-pub(super) struct Map {
+pub(super) struct TextureMap {
     info: TextureInfo,
     pub uv_set: usize,
     offset: [f64; 2],
@@ -50,7 +50,7 @@ pub(super) struct Map {
     is_glow: bool,
 }
 
-impl Map {
+impl TextureMap {
     /// Whether both take the same UVs to the same places.
     fn is_at(&self, other: &Self) -> bool {
         (self.uv_set, self.offset, self.matrix) == (other.uv_set, other.offset, other.matrix)
@@ -82,7 +82,7 @@ impl Map {
 
 /// The way in which a material uses alpha.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
-pub(super) enum Cut {
+pub(super) enum AlphaMode {
     /// It is ignored.
     Opaque,
     /// It becomes 1 if it reaches a cutoff, whose bits these are, and else 0.
@@ -91,7 +91,7 @@ pub(super) enum Cut {
     Blend,
 }
 
-impl Cut {
+impl AlphaMode {
     fn of(material: &Material) -> Self {
         match material.alpha_mode.as_str() {
             "BLEND" => Self::Blend,
@@ -113,7 +113,7 @@ impl Cut {
 }
 
 /// The look of a material; white without one.
-pub(super) fn look(source: &mut Source, root: &json::Root, index: Option<usize>) -> Result<Look, Wrong> {
+pub(super) fn look(source: &mut Source, root: &json::Root, index: Option<usize>) -> Result<Look, GltfWrong> {
     let white = Material::default();
     let all = &root.materials;
     let material = match index {
@@ -139,13 +139,13 @@ pub(super) fn look(source: &mut Source, root: &json::Root, index: Option<usize>)
             *color = usual;
         }
     }
-    let mut map = pbr.base_color_texture.as_ref().map(Map::of);
+    let mut map = pbr.base_color_texture.as_ref().map(TextureMap::of);
     if glow != [0.0; 3] {
         source.notes.count(None, "emitted light is drawn as a colour that is shaded: --unlit shows it as it is");
-        let emitted = material.emissive_texture.as_ref().map(Map::of);
+        let emitted = material.emissive_texture.as_ref().map(TextureMap::of);
         match (&mut map, emitted) {
             (_, None) => {}
-            (None, Some(emitted)) => map = Some(Map { is_glow: true, ..emitted }),
+            (None, Some(emitted)) => map = Some(TextureMap { is_glow: true, ..emitted }),
             (Some(map), Some(emitted)) if map.is_at(&emitted) => map.glow = Some(emitted.info.index.0),
             (Some(_), Some(_)) => {
                 source
@@ -156,22 +156,22 @@ pub(super) fn look(source: &mut Source, root: &json::Root, index: Option<usize>)
         }
     }
     let is_double_sided = material.double_sided;
-    Ok(Look { color: base, glow, alpha, cut: Cut::of(material), is_unlit, is_double_sided, map })
+    Ok(Look { color: base, glow, alpha, cut: AlphaMode::of(material), is_unlit, is_double_sided, map })
 }
 
 /// A piece's texture, by its number, and the place of its UVs there.
-pub(super) type Image = Option<(u32, Canvas)>;
+pub(super) type PieceImage = Option<(u32, Canvas)>;
 
 /// The key by which equal textures are found: their numbers, and the bits of alpha and of the colours that they are multiplied with.
 #[derive(PartialEq, Eq, Hash)]
-struct Key([usize; 3], Cut, Vec<u32>);
+struct TextureKey([usize; 3], AlphaMode, Vec<u32>);
 
 /// The textures of all pieces, each once; a piece whose image cannot be read has none.
 pub(super) fn textures(
     source: &mut Source,
     document: &mut Document,
     pieces: &[Piece],
-) -> Result<(Vec<Texture>, Vec<Image>), Wrong> {
+) -> Result<(Vec<Texture>, Vec<PieceImage>), GltfWrong> {
     let mut textures = Textures::new(source.room());
     let mut canvases: Vec<Canvas> = Vec::new();
     let mut of_piece = Vec::with_capacity(pieces.len());
@@ -186,7 +186,7 @@ pub(super) fn textures(
         let reach = if edges[0] == edges[1] { &[][..] } else { range.as_flattened() };
         let bits =
             color.iter().chain(&look.glow).chain([&look.alpha]).chain(reach).map(|x| (x + 0.0).to_bits()).collect();
-        let key = Key([number, map.glow.map_or(0, |glow| glow + 1), map.is_glow.into()], look.cut, bits);
+        let key = TextureKey([number, map.glow.map_or(0, |glow| glow + 1), map.is_glow.into()], look.cut, bits);
         let index = textures.find_or(key, |room| {
             let read = painted(source, document, map, number, look, color, room).and_then(|decoded| {
                 let (texture, canvas) = on_canvas(decoded, edges, *range, &mut source.notes)?;
@@ -201,7 +201,7 @@ pub(super) fn textures(
 }
 
 /// The number of the texture of a map, and how it goes on beyond its edges along u and v.
-fn placed(source: &mut Source, document: &Document, map: &Map) -> Result<(usize, [Edge; 2]), Wrong> {
+fn placed(source: &mut Source, document: &Document, map: &TextureMap) -> Result<(usize, [Edge; 2]), GltfWrong> {
     let root = document.root;
     let index = map.info.index.0;
     let texture = root.textures.get(index).ok_or_else(|| lacks("texture", index, root.textures.len()))?;
@@ -222,7 +222,7 @@ fn placed(source: &mut Source, document: &Document, map: &Map) -> Result<(usize,
 fn painted(
     source: &mut Source,
     document: &mut Document,
-    map: &Map,
+    map: &TextureMap,
     number: usize,
     look: &Look,
     color: [f32; 3],
@@ -241,9 +241,9 @@ fn painted(
         *texel = [0, 1, 2].map(|k| texel[k] * times[k] + plus[k] * emitted[k]);
     }
     decoded.alpha = match (look.cut, decoded.alpha.filter(|_| !map.is_glow)) {
-        (Cut::Opaque, _) | (_, None) => None,
+        (AlphaMode::Opaque, _) | (_, None) => None,
         // The material's own alpha is in the opacity of its triangles.
-        (Cut::Blend, alpha) => alpha,
+        (AlphaMode::Blend, alpha) => alpha,
         (cut, Some(alpha)) => Some(alpha.into_iter().map(|a| cut.apply(a * look.alpha)).collect()),
     };
     Ok(decoded)
@@ -251,7 +251,7 @@ fn painted(
 
 fn read(source: &mut Source, document: &mut Document, index: usize, room: Room) -> Result<Decoded, String> {
     let root = document.root;
-    let said = |(what, fix): Wrong| format!("{what} ({fix})");
+    let said = |(what, fix): GltfWrong| format!("{what} ({fix})");
     let texture = root.textures.get(index).ok_or_else(|| format!("there are {} textures", root.textures.len()))?;
     let webp = texture.extensions.get("EXT_texture_webp").and_then(|value| value["source"].as_u64());
     let image = match (texture.source, webp) {

@@ -1,7 +1,7 @@
 //! Unpacks the views of `EXT_meshopt_compression`.
 
 use super::{
-    AGAIN, Wrong,
+    AGAIN, GltfWrong,
     document::{Document, UNPACK},
     of_error,
 };
@@ -21,7 +21,7 @@ const MOST_PER_BYTE: usize = 64;
 
 impl Document<'_> {
     /// The bytes of a view that the extension `packed` describes.
-    pub fn unpacked_view(&mut self, source: &mut Source, packed: &Value) -> Result<Vec<u8>, Wrong> {
+    pub fn unpacked_view(&mut self, source: &mut Source, packed: &Value) -> Result<Vec<u8>, GltfWrong> {
         let number = |name: &str| packed[name].as_f64().unwrap_or(0.0) as usize;
         let buffer = self.buffer(source, number("buffer"))?;
         let (start, length) = (number("byteOffset"), number("byteLength"));

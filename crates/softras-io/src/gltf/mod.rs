@@ -47,19 +47,19 @@ const STRIP: usize = 5;
 const FAN: usize = 6;
 
 /// A fault in a part of the file, and its remedy.
-type Wrong = crate::Wrong<Cow<'static, str>>;
+type GltfWrong = crate::Wrong<Cow<'static, str>>;
 
 const AGAIN: &str = "copy or download the file again, with those that it names";
 const CONVERT: &str = "convert it: npx gltf-pipeline -i IN.gltf -o OUT.glb";
 
 /// An index of the file that leads nowhere.
-fn lacks(what: &str, index: usize, count: usize) -> Wrong {
+fn lacks(what: &str, index: usize, count: usize) -> GltfWrong {
     let fix = "the file contradicts itself: export it again (github.khronos.org/glTF-Validator shows where)";
     (format!("{what} {index} but there are {count}"), fix.into())
 }
 
 /// The fault and the remedy that an error tells of a file that this one names.
-fn of_error(error: softras::Error) -> Wrong {
+fn of_error(error: softras::Error) -> GltfWrong {
     match error {
         softras::Error::File { path, what, fix, .. } => (format!("{}: {what}", path.display()), fix.into()),
         other => (other.to_string(), AGAIN.into()),
@@ -92,7 +92,7 @@ fn parsed(source: &mut Source, text: &str) -> Result<Value> {
 
 pub(super) fn read(source: &mut Source, bytes: &[u8]) -> Result<Mesh> {
     let path = source.path;
-    let wrong = |(what, fix): Wrong| fault(path, what, fix);
+    let wrong = |(what, fix): GltfWrong| fault(path, what, fix);
     let (text, binary) = document::split(bytes).map_err(wrong)?;
     let value = parsed(source, &text::decoded(text::unpadded(text)))?;
     let version = value["asset"]["version"].as_str().unwrap_or("2.0");
@@ -166,7 +166,7 @@ impl Soup {
         primitive: &json::Primitive,
         weights: &[f64],
         placed: &Placed,
-    ) -> Result<(), Wrong> {
+    ) -> Result<(), GltfWrong> {
         let mode = primitive.mode.map_or(TRIANGLES, |mode| mode.0);
         if mode < TRIANGLES {
             source.notes.count(None, "lines and points are not drawn");
@@ -235,7 +235,7 @@ impl Soup {
         document: &mut Document,
         primitive: &json::Primitive,
         count: usize,
-    ) -> Result<(), Wrong> {
+    ) -> Result<(), GltfWrong> {
         let material = primitive.material.map(|material| material.0);
         let look = image::look(source, document.root, material)?;
         let colors = primitive.attribute("COLOR_0").map(|index| document.colors(source, index)).transpose()?;
@@ -290,7 +290,7 @@ impl Soup {
             let alpha = look.alpha * vertices.iter().sum::<f32>() / 3.0;
             match look.cut {
                 // The cutoff is for the product with the texture's alpha, and was applied to the texels.
-                image::Cut::Mask(_) if look.map.is_some() && uv_range.is_some() => 1.0,
+                image::AlphaMode::Mask(_) if look.map.is_some() && uv_range.is_some() => 1.0,
                 cut => cut.apply(alpha),
             }
         };
@@ -326,7 +326,7 @@ impl Soup {
         }
         let is_mixed = |(t, piece): (usize, usize)| {
             let [a, b, c] = self.triangles[t].map(|corner| self.colors[corner as usize][3]);
-            (a, a) != (b, c) && self.pieces[piece].look.cut != image::Cut::Opaque
+            (a, a) != (b, c) && self.pieces[piece].look.cut != image::AlphaMode::Opaque
         };
         if self.piece_of_triangle().enumerate().any(is_mixed) {
             source.notes.add(None, "the alpha of vertex colours is averaged over each triangle");
@@ -334,7 +334,7 @@ impl Soup {
     }
 
     /// The mesh, with one vertex at each position (and colour, if vertices have colours).
-    fn mesh(mut self, source: &mut Source, textures: Vec<Texture>, of_piece: &[image::Image]) -> Result<Mesh> {
+    fn mesh(mut self, source: &mut Source, textures: Vec<Texture>, of_piece: &[image::PieceImage]) -> Result<Mesh> {
         source.keep_normals(&self.normals, &self.triangles);
         let positions = source.placed(&self.positions, &self.triangles)?;
         let is_textured = !textures.is_empty();
@@ -378,7 +378,12 @@ impl Soup {
     }
 
     /// Textures for all pieces: images, one texel for a colour, and a texture that is made for vertices of different colours.
-    fn textured(&mut self, source: &mut Source, images: Vec<Texture>, of_piece: &[image::Image]) -> Result<Appearance> {
+    fn textured(
+        &mut self,
+        source: &mut Source,
+        images: Vec<Texture>,
+        of_piece: &[image::PieceImage],
+    ) -> Result<Appearance> {
         let mut start = 0;
         for (piece, canvas) in self.pieces.iter().zip(of_piece) {
             if let Some((_, canvas)) = canvas {
@@ -442,7 +447,7 @@ fn morph(
     name: &str,
     weights: &[f64],
     values: &mut [[f32; 3]],
-) -> Result<(), Wrong> {
+) -> Result<(), GltfWrong> {
     for (target, weight) in primitive.targets.iter().zip(weights).filter(|(_, weight)| **weight != 0.0) {
         let Some(offsets) = target.get(name) else { continue };
         for (value, offset) in values.iter_mut().zip(document.vectors::<3>(source, offsets.0)?) {

@@ -1,6 +1,6 @@
 //! The nodes of a glTF file: where each mesh is drawn, with its instances and its skin.
 
-use super::{Soup, Wrong, document::Document, json, lacks};
+use super::{GltfWrong, Soup, document::Document, json, lacks};
 use crate::{source::Source, within as of};
 use glam::{DMat4, DQuat, DVec3};
 
@@ -58,8 +58,8 @@ fn roots(root: &json::Root) -> Vec<usize> {
 fn visit<'a>(
     source: &mut Source,
     root: &'a json::Root,
-    mut take: impl FnMut(&mut Source, usize, &'a json::Node, Option<DMat4>) -> Result<(), Wrong>,
-) -> Result<(), Wrong> {
+    mut take: impl FnMut(&mut Source, usize, &'a json::Node, Option<DMat4>) -> Result<(), GltfWrong>,
+) -> Result<(), GltfWrong> {
     // A node to enter with its parent's place, or one to leave.
     enum Step {
         Enter(usize, Option<DMat4>),
@@ -98,7 +98,7 @@ fn visit<'a>(
 }
 
 /// Adds the meshes of all nodes of the scene.
-pub(super) fn add_scene(soup: &mut Soup, source: &mut Source, document: &mut Document) -> Result<(), Wrong> {
+pub(super) fn add_scene(soup: &mut Soup, source: &mut Source, document: &mut Document) -> Result<(), GltfWrong> {
     let root = document.root;
     let mut worlds = vec![None; if root.skins.is_empty() { 0 } else { root.nodes.len() }];
     visit(source, root, |_, index, _, place| {
@@ -126,7 +126,7 @@ fn places(
     node: &json::Node,
     place: Option<DMat4>,
     worlds: &[Option<DMat4>],
-) -> Result<Vec<Placed>, Wrong> {
+) -> Result<Vec<Placed>, GltfWrong> {
     let at = |place: Option<DMat4>| place.map_or(Placed::Here, Placed::At);
     if let Some(skin) = node.skin.and_then(|skin| document.root.skins.get(skin.0)) {
         let inverses = match skin.inverse_bind_matrices {
@@ -164,7 +164,7 @@ impl Placed {
         document: &mut Document,
         primitive: &json::Primitive,
         count: usize,
-    ) -> Result<Vec<DMat4>, Wrong> {
+    ) -> Result<Vec<DMat4>, GltfWrong> {
         let matrices = match self {
             Self::Here => return Ok(Vec::new()),
             Self::At(place) => return Ok(vec![*place]),

@@ -21,7 +21,7 @@ const MIPMAPS: u32 = 9987;
 type Corner = (u32, u32, [u32; 3], [u32; 4]);
 
 /// The traits that the triangles of a primitive share: their texture, and whether they blend, have normals, show only their front.
-type Kind = (Option<usize>, bool, bool, bool);
+type PrimitiveTraits = (Option<usize>, bool, bool, bool);
 
 /// The content of a .glb file. Colours and factors are linear in glTF, images are sRGB. A vertex is repeated for each of its UVs,
 /// normals and colours.
@@ -36,7 +36,7 @@ pub fn glb(written: &mut Written) -> Result<Vec<u8>> {
     {
         return Err(several_cells(*resolution, "glTF"));
     }
-    let mut groups: BTreeMap<Kind, Vec<usize>> = BTreeMap::new();
+    let mut groups: BTreeMap<PrimitiveTraits, Vec<usize>> = BTreeMap::new();
     for t in 0..mesh.triangles().len() {
         let is_single = written.single_sided.get(t) == Some(&true);
         let group = (written.texture_of(t), written.opacity_of(t) < 1.0, written.normals_of(t).is_some(), is_single);
@@ -62,7 +62,7 @@ impl File {
     fn primitive(
         &mut self,
         written: &Written,
-        (texture, blends, has_normals, is_single): Kind,
+        (texture, blends, has_normals, is_single): PrimitiveTraits,
         group: &[usize],
     ) -> Result<Value> {
         let (mesh, appearance) = (&written.mesh, written.mesh.appearance());

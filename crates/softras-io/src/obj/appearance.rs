@@ -1,7 +1,7 @@
 //! Chooses the appearance of a mesh from its vertex colours, materials and textures.
 
 use super::{
-    material::{self, Map, Material, Materials},
+    material::{self, MapStatement, Materials, MtlMaterial},
     parse::{FARTHEST_UV, Obj},
     texture,
     triangles::Triangles,
@@ -49,12 +49,13 @@ pub(super) fn appearance(
     source.materials = used.iter().copied().flatten().chain(only).map(|material| material.name.clone()).collect();
     // The material of each face; `None` is white.
     let material_of_face = collected(source, obj.faces.iter().map(|face| face.material.map_or(only, |m| used[m])))?;
-    if let Some(Material { name, .. }) = material_of_face.iter().flatten().find(|material| material.opacity() == 0.0) {
+    if let Some(MtlMaterial { name, .. }) = material_of_face.iter().flatten().find(|material| material.opacity() == 0.0)
+    {
         source
             .notes
             .add(None, format!("material \"{}\" is wholly transparent: its faces are invisible", text::name(name)));
     }
-    let opacity = |material: &Option<&Material>| material.map_or(1.0, Material::opacity);
+    let opacity = |material: &Option<&MtlMaterial>| material.map_or(1.0, MtlMaterial::opacity);
     let is_transparent = material_of_face.iter().any(|material| opacity(material) < 1.0);
     let shown = if is_transparent { &triangles.faces[..] } else { &[] };
     let opacity = collected(source, shown.iter().map(|&face| opacity(&material_of_face[face])))?;
@@ -72,7 +73,7 @@ fn collected<T>(source: &Source, values: impl ExactSizeIterator<Item = T>) -> Re
 }
 
 /// Whether a material has a texture.
-fn has_map(material: &Option<&Material>) -> bool {
+fn has_map(material: &Option<&MtlMaterial>) -> bool {
     material.is_some_and(|m| m.map.is_some() || m.alpha_map.is_some())
 }
 
@@ -80,7 +81,7 @@ fn colors(
     source: &mut Source,
     obj: &mut Obj,
     triangles: &mut Triangles,
-    material_of_face: &[Option<&Material>],
+    material_of_face: &[Option<&MtlMaterial>],
 ) -> Result<Appearance> {
     let is_textured = |face: usize| obj.faces[face].has_uvs && has_map(&material_of_face[face]);
     note_textures_without_uvs(obj, material_of_face, &mut source.notes);
@@ -105,14 +106,14 @@ fn colors(
     Ok(Appearance::Surface { resolution: 1, texels })
 }
 
-fn color(material: Option<&Material>) -> [f32; 3] {
+fn color(material: Option<&MtlMaterial>) -> [f32; 3] {
     let glow = material.map_or([0.0; 3], |m| m.glow);
     let base = material.and_then(|m| m.color).unwrap_or(WHITE);
     [0, 1, 2].map(|k| base[k] + glow[k])
 }
 
 /// The material of each name that `usemtl` gives.
-fn find_used<'a>(obj: &Obj, library: &'a Materials, plain: &str, notes: &mut Notes) -> Vec<Option<&'a Material>> {
+fn find_used<'a>(obj: &Obj, library: &'a Materials, plain: &str, notes: &mut Notes) -> Vec<Option<&'a MtlMaterial>> {
     let mut find = |(name, line): &(String, usize)| {
         let material = library.find(name);
         match material {
@@ -121,7 +122,7 @@ fn find_used<'a>(obj: &Obj, library: &'a Materials, plain: &str, notes: &mut Not
                 let place = if obj.libraries.is_empty() { "the file names no mtllib" } else { "in no MTL file" };
                 notes.add(Some(*line), format!("unknown material \"{}\" ({place}): {plain}", text::name(name)));
             }
-            Some(Material { color: None, map: None, alpha_map: None, .. }) => {
+            Some(MtlMaterial { color: None, map: None, alpha_map: None, .. }) => {
                 notes.add(Some(*line), format!("material \"{}\" has neither Kd nor map_Kd: {plain}", text::name(name)));
             }
             _ => {}
@@ -131,7 +132,7 @@ fn find_used<'a>(obj: &Obj, library: &'a Materials, plain: &str, notes: &mut Not
     obj.materials.iter().map(&mut find).collect()
 }
 
-fn note_textures_without_uvs(obj: &Obj, material_of_face: &[Option<&Material>], notes: &mut Notes) {
+fn note_textures_without_uvs(obj: &Obj, material_of_face: &[Option<&MtlMaterial>], notes: &mut Notes) {
     let faces = obj.faces.iter().zip(material_of_face);
     for (face, _) in faces.filter(|(face, material)| has_map(material) && !face.has_uvs) {
         notes.count(face.line, "faces with a texture but no UVs are drawn in their material's Kd");
@@ -144,7 +145,7 @@ fn textured(
     source: &mut Source,
     obj: &mut Obj,
     triangles: &mut Triangles,
-    material_of_face: &[Option<&Material>],
+    material_of_face: &[Option<&MtlMaterial>],
 ) -> Result<Option<Appearance>> {
     let mut textures = Textures::new(source.room());
     let mut by_kind: HashMap<(Option<usize>, bool), u32> = HashMap::new();
@@ -158,7 +159,7 @@ fn textured(
                 let image = material.filter(|_| face.has_uvs).and_then(|m| image(source, &mut textures, m, color));
                 any_file |= image.is_some();
                 let plain = |_| Texture::new(1, 1, vec![color], Wrap::Repeat).ok();
-                let Some(index) = image.or_else(|| textures.find_or(Key::of_color(color), plain)) else {
+                let Some(index) = image.or_else(|| textures.find_or(AppearanceKey::of_color(color), plain)) else {
                     return Ok(None);
                 };
                 *unknown.insert(index)
@@ -195,7 +196,11 @@ fn textured(
 }
 
 /// Gives the triangles whose image is scaled or moved (`-s`, `-o`) UVs of their own.
-fn place_uvs<'a>(uvs: &mut Vec<[f32; 2]>, uv_triangles: &mut [[u32; 3]], map_of: impl Fn(usize) -> Option<&'a Map>) {
+fn place_uvs<'a>(
+    uvs: &mut Vec<[f32; 2]>,
+    uv_triangles: &mut [[u32; 3]],
+    map_of: impl Fn(usize) -> Option<&'a MapStatement>,
+) {
     let mut known = HashMap::new();
     for (t, triangle) in uv_triangles.iter_mut().enumerate() {
         let Some(map) = map_of(t).filter(|map| map.scale != [1.0; 2] || map.offset != [0.0; 2]) else { continue };
@@ -212,15 +217,21 @@ fn place_uvs<'a>(uvs: &mut Vec<[f32; 2]>, uv_triangles: &mut [[u32; 3]], map_of:
 }
 
 /// The number of the texture of a material, of its image files; `None` where there are none or they cannot be read.
-fn image(source: &mut Source, textures: &mut Textures<Key>, material: &Material, color: [f32; 3]) -> Option<u32> {
-    let mut locate =
-        |map: &Option<Map>, without: &str| Some((map.clone()?, texture::locate(source, map.as_ref()?, without)?));
+fn image(
+    source: &mut Source,
+    textures: &mut Textures<AppearanceKey>,
+    material: &MtlMaterial,
+    color: [f32; 3],
+) -> Option<u32> {
+    let mut locate = |map: &Option<MapStatement>, without: &str| {
+        Some((map.clone()?, texture::locate(source, map.as_ref()?, without)?))
+    };
     let (map, alpha) = (locate(&material.map, texture::IN_KD), locate(&material.alpha_map, "drawn opaque"));
     let wrap = map.as_ref().or(alpha.as_ref())?.0.wrap;
-    let path = |map: &Option<(Map, PathBuf)>| map.as_ref().map(|(_, path)| path.clone());
+    let path = |map: &Option<(MapStatement, PathBuf)>| map.as_ref().map(|(_, path)| path.clone());
     // The colour counts only if the material has no image for it.
     let bits = if map.is_some() { [0; 3] } else { bits(color) };
-    textures.find_or(Key::Files(path(&map), path(&alpha), wrap, bits), |room| {
+    textures.find_or(AppearanceKey::Files(path(&map), path(&alpha), wrap, bits), |room| {
         let texture = match &map {
             Some((map, path)) => texture::read(source, map, path, room)?,
             None => Texture::new(1, 1, vec![color], wrap).ok()?,
@@ -239,14 +250,14 @@ fn bits(color: [f32; 3]) -> [u32; 3] {
 
 /// The key by which equal textures are found.
 #[derive(PartialEq, Eq, Hash)]
-enum Key {
+enum AppearanceKey {
     /// The files of the colour and of the alpha, and the bits of the colour that stands in for the first.
     Files(Option<PathBuf>, Option<PathBuf>, Wrap, [u32; 3]),
     /// The bits of a colour, with -0 as 0.
     Color([u32; 3]),
 }
 
-impl Key {
+impl AppearanceKey {
     fn of_color(color: [f32; 3]) -> Self {
         Self::Color(bits(color))
     }

@@ -45,7 +45,7 @@ fn fate_of(keyword: &str) -> Option<Fate> {
 /// All `newmtl` blocks of all files, and the first of each name.
 #[derive(Default)]
 pub(super) struct Materials {
-    all: Vec<Material>,
+    all: Vec<MtlMaterial>,
     by_name: HashMap<String, usize>,
     /// Whether some file could not be read.
     lacks_some: bool,
@@ -58,7 +58,7 @@ impl Materials {
         if is_new {
             self.by_name.insert(name.into(), self.all.len());
         }
-        self.all.push(Material { name: name.into(), ..Material::default() });
+        self.all.push(MtlMaterial { name: name.into(), ..MtlMaterial::default() });
         is_new
     }
 
@@ -68,7 +68,7 @@ impl Materials {
     }
 
     /// The first of that name.
-    pub fn find(&self, name: &str) -> Option<&Material> {
+    pub fn find(&self, name: &str) -> Option<&MtlMaterial> {
         let at = self.by_name.get(name).or_else(|| self.by_name.get(before_comment(name)));
         at.map(|&at| &self.all[at])
     }
@@ -79,14 +79,14 @@ impl Materials {
     }
 
     /// The only one, if there is but one.
-    pub fn only(&self) -> Option<&Material> {
+    pub fn only(&self) -> Option<&MtlMaterial> {
         if let [only] = &self.all[..] { Some(only) } else { None }
     }
 
     /// Decides what `Tr` means. MeshLab writes 1 for opaque, and so must a file in which every material has it: else nothing is visible.
     fn settle_tr(&mut self, notes: &mut Notes, mtl: &Path, first: usize, is_meshlab: bool) {
         let own = &mut self.all[first..];
-        let is_clear = |material: &Material| material.dissolve.is_none() && material.solidity == Some(0.0);
+        let is_clear = |material: &MtlMaterial| material.dissolve.is_none() && material.solidity == Some(0.0);
         let all_clear = !own.is_empty() && own.iter().all(is_clear);
         if is_meshlab || all_clear {
             own.iter_mut().for_each(|material| material.solidity = material.solidity.map(|x| 1.0 - x));
@@ -103,13 +103,13 @@ impl Materials {
 
 /// A `newmtl` block.
 #[derive(Default)]
-pub(super) struct Material {
+pub(super) struct MtlMaterial {
     pub name: String,
     /// `Kd`; white when there is none.
     pub color: Option<[f32; 3]>,
-    pub map: Option<Map>,
+    pub map: Option<MapStatement>,
     /// `map_d`.
-    pub alpha_map: Option<Map>,
+    pub alpha_map: Option<MapStatement>,
     /// `Ke`.
     pub glow: [f32; 3],
     /// `d`, and 1 less `Tr`, which counts where there is no `d`.
@@ -117,7 +117,7 @@ pub(super) struct Material {
     solidity: Option<f32>,
 }
 
-impl Material {
+impl MtlMaterial {
     /// `d`, or 1 less `Tr`.
     pub fn opacity(&self) -> f32 {
         self.dissolve.or(self.solidity).unwrap_or(1.0)
@@ -126,7 +126,7 @@ impl Material {
 
 /// A `map_Kd` or `map_d` statement.
 #[derive(Clone, PartialEq)]
-pub(super) struct Map {
+pub(super) struct MapStatement {
     /// The image as the file names it.
     pub name: String,
     pub wrap: Wrap,
@@ -299,7 +299,7 @@ fn take<'a>(rest: &mut &'a str) -> &'a str {
 }
 
 /// `[-option argument ..] file name`; the name may hold spaces.
-fn read_map(mtl: &Path, statement: &Statement, mut note: impl FnMut(String)) -> Result<Map, String> {
+fn read_map(mtl: &Path, statement: &Statement, mut note: impl FnMut(String)) -> Result<MapStatement, String> {
     let mut rest = statement.rest();
     let keyword = statement.keyword();
     let mut wrap = Wrap::Repeat;
@@ -336,6 +336,6 @@ fn read_map(mtl: &Path, statement: &Statement, mut note: impl FnMut(String)) -> 
     }
     match rest.trim_matches('"') {
         "" => Err(format!("{keyword} without a file")),
-        name => Ok(Map { name: name.into(), wrap, scale, offset, mtl: mtl.into(), line: statement.line }),
+        name => Ok(MapStatement { name: name.into(), wrap, scale, offset, mtl: mtl.into(), line: statement.line }),
     }
 }

@@ -37,13 +37,13 @@ pub fn files_of(mesh: &mut Written, path: &Path) -> Result<Vec<(PathBuf, Vec<u8>
 
 /// The MTL file, its images, and which material each triangle has (`m0`, `m1`, ..; empty without materials).
 #[derive(Default)]
-struct Materials<'a> {
+struct WrittenMaterials<'a> {
     mtl: String,
     images: Vec<(String, &'a Texture)>,
     of_triangle: Vec<usize>,
 }
 
-fn materials<'a>(mesh: &'a Written, stem: &str) -> Result<Materials<'a>> {
+fn materials<'a>(mesh: &'a Written, stem: &str) -> Result<WrittenMaterials<'a>> {
     let textures = match mesh.mesh.appearance() {
         Appearance::Surface { resolution, .. } if *resolution > 1 => return Err(several_cells(*resolution, "OBJ")),
         Appearance::Textured { textures, .. } => &textures[..],
@@ -52,7 +52,7 @@ fn materials<'a>(mesh: &'a Written, stem: &str) -> Result<Materials<'a>> {
     // Not `NAME.png`, which is what a picture of the mesh is called.
     let number = |i: usize| if textures.len() == 1 { String::new() } else { format!("_{i}") };
     let name = |i: usize| format!("{stem}_texture{}.png", number(i));
-    let mut materials = Materials::default();
+    let mut materials = WrittenMaterials::default();
     let mut known = HashMap::new();
     for t in 0..mesh.mesh.triangles().len() {
         let (color, texture, opacity) = (mesh.color_of(t), mesh.texture_of(t), mesh.opacity_of(t));
@@ -80,7 +80,7 @@ fn materials<'a>(mesh: &'a Written, stem: &str) -> Result<Materials<'a>> {
     materials.images = textures.iter().enumerate().map(|(i, texture)| (name(i), texture)).collect();
     let white = ([1.0f32.to_bits(); 3], None, 1.0f32.to_bits());
     if known.len() == 1 && known.contains_key(&white) {
-        materials = Materials::default();
+        materials = WrittenMaterials::default();
     }
     Ok(materials)
 }

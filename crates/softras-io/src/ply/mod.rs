@@ -19,7 +19,7 @@ use crate::{
     textures::Room,
     within,
 };
-use rows::{Body, Kind, Row, Table, VALUES};
+use rows::{Body, NumberType, Row, Table, VALUES};
 use softras::{
     Result,
     scene::{Appearance, Mesh, Texture, Wrap},
@@ -100,9 +100,9 @@ struct Ply {
     /// Faces before the vertices that they name, and strips.
     waiting: Vec<Waiting>,
     /// The types of the colours of vertices, and of faces.
-    kinds: [Option<Kind>; 2],
+    kinds: [Option<NumberType>; 2],
     /// The type of alpha, its least and its greatest value, of vertices and of faces.
-    alpha: [Option<(Kind, f64, f64)>; 2],
+    alpha: [Option<(NumberType, f64, f64)>; 2],
 }
 
 /// A face that is drawn when all vertices are read.
@@ -167,7 +167,7 @@ fn parse(source: &mut Source, bytes: &[u8]) -> Result<Ply, Wrong> {
         ply.add_face(&mut source.notes, number, &corners, color, uvs.as_deref(), image)?;
     }
     for (colors, kind) in [&mut ply.colors, &mut ply.face_colors].into_iter().zip(ply.kinds) {
-        color::settle(colors, kind.and_then(Kind::most), source.options.srgb, &mut source.notes);
+        color::settle(colors, kind.and_then(NumberType::most), source.options.srgb, &mut source.notes);
     }
     for (kind, least, greatest) in ply.alpha.into_iter().flatten() {
         let opaque =
@@ -319,7 +319,7 @@ fn raw(notes: &mut Notes, color: [f64; 3]) -> [f32; 3] {
 }
 
 /// Takes a value of alpha, of such a type, into the range of all.
-fn widen(range: &mut Option<(Kind, f64, f64)>, kind: Option<Kind>, x: f64) {
+fn widen(range: &mut Option<(NumberType, f64, f64)>, kind: Option<NumberType>, x: f64) {
     if let Some(kind) = kind {
         let (_, least, greatest) = range.unwrap_or((kind, x, x));
         *range = Some((kind, least.min(x), greatest.max(x)));

@@ -12,7 +12,7 @@ const HEADER: &str =
 
 /// The type of a number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(super) enum NumberType {
     I8,
     U8,
     I16,
@@ -23,7 +23,7 @@ pub(super) enum Kind {
     F64,
 }
 
-impl Kind {
+impl NumberType {
     fn of(name: &str) -> Result<Self, Wrong> {
         Ok(match name.to_ascii_lowercase().as_str() {
             "char" | "int8" => Self::I8,
@@ -78,8 +78,8 @@ impl Kind {
 /// A column of an element: a number in each row or, with the type of its length, a list.
 pub(super) struct Property {
     pub name: String,
-    kind: Kind,
-    length: Option<Kind>,
+    kind: NumberType,
+    length: Option<NumberType>,
 }
 
 pub(super) struct Element {
@@ -142,8 +142,8 @@ pub(super) fn header(bytes: &[u8]) -> Result<(Header, &[u8]), Wrong> {
             }
             ["property", ref kind @ .., name] => {
                 let (length, kind) = match kind {
-                    ["list", length, kind] => (Some(Kind::of(length)?), Kind::of(kind)?),
-                    [kind] => (None, Kind::of(kind)?),
+                    ["list", length, kind] => (Some(NumberType::of(length)?), NumberType::of(kind)?),
+                    [kind] => (None, NumberType::of(kind)?),
                     _ => return Err(wrong()),
                 };
                 let element = header.elements.last_mut().ok_or_else(wrong)?;
@@ -180,7 +180,7 @@ pub(super) struct Table<'a> {
     element: &'a Element,
     columns: Vec<Column>,
     /// For each name the type of its column, if the element has it.
-    found: [Option<Kind>; VALUES],
+    found: [Option<NumberType>; VALUES],
 }
 
 impl<'a> Table<'a> {
@@ -206,7 +206,7 @@ impl<'a> Table<'a> {
     }
 
     /// The type of a value's column.
-    pub fn kind(&self, value: usize) -> Option<Kind> {
+    pub fn kind(&self, value: usize) -> Option<NumberType> {
         self.found[value]
     }
 
@@ -254,7 +254,7 @@ impl<'a> Body<'a> {
     pub fn read(&mut self, table: &Table, take: &mut dyn FnMut(&Row) -> Result<(), Wrong>) -> Result<(), Wrong> {
         let Element { name, rows, properties } = table.element;
         // Text has at least a digit and a space for each.
-        let size = |kind: Kind| if self.order == Order::Text { 2 } else { kind.size() };
+        let size = |kind: NumberType| if self.order == Order::Text { 2 } else { kind.size() };
         let least: usize = properties.iter().map(|property| size(property.length.unwrap_or(property.kind))).sum();
         if least.saturating_mul(*rows) > self.rest.len() + 1 {
             let (name, bytes) = (text::name(name), self.rest.len());
@@ -303,7 +303,7 @@ impl<'a> Body<'a> {
     }
 
     /// The bytes of the next number: a word, or as many as its type has.
-    fn next(&mut self, kind: Kind) -> Result<&'a [u8], Wrong> {
+    fn next(&mut self, kind: NumberType) -> Result<&'a [u8], Wrong> {
         let cut = || ("the file is cut off there".to_string(), AGAIN);
         let end = match self.order {
             Order::Text => {
@@ -322,11 +322,11 @@ impl<'a> Body<'a> {
         Ok(bytes)
     }
 
-    fn skip(&mut self, kind: Kind) -> Result<(), Wrong> {
+    fn skip(&mut self, kind: NumberType) -> Result<(), Wrong> {
         self.next(kind).map(drop)
     }
 
-    fn number(&mut self, kind: Kind) -> Result<f64, Wrong> {
+    fn number(&mut self, kind: NumberType) -> Result<f64, Wrong> {
         let bytes = self.next(kind)?;
         if self.order == Order::Text {
             let number = text::number(&text::decoded(bytes));

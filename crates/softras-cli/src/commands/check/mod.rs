@@ -4,7 +4,7 @@ use super::{Failure, say};
 use clap::Args;
 use serde_json::{Value, json};
 use softras::Renderer;
-use softras_check::check::{Case, Findings, GRADIENTS, IMAGE_TOLERANCE, IMAGES, cases, compare};
+use softras_check::check::{CheckCase, Findings, GRADIENTS, IMAGE_TOLERANCE, IMAGES, cases, compare};
 use std::time::Instant;
 
 /// Test a device: compare small scenes and gradients with the model in f64
@@ -71,7 +71,7 @@ fn header(renderer: &Renderer) -> Result<(), Failure> {
     say(&format!("{:11}{columns}  same", "scene"))
 }
 
-fn row(case: &Case, result: &softras::Result<Findings>, pass: bool) -> String {
+fn row(case: &CheckCase, result: &softras::Result<Findings>, pass: bool) -> String {
     let mark = if pass { "" } else { "  <- FAIL" };
     match result {
         Err(error) => format!("{:11} {error}{mark}", case.name),
@@ -83,7 +83,7 @@ fn row(case: &Case, result: &softras::Result<Findings>, pass: bool) -> String {
     }
 }
 
-fn as_json(case: &Case, result: &softras::Result<Findings>, pass: bool) -> Value {
+fn as_json(case: &CheckCase, result: &softras::Result<Findings>, pass: bool) -> Value {
     let named = |names: &[&str], errors: &[Option<f64>]| -> Value {
         names.iter().zip(errors).map(|(name, error)| (name.trim_end_matches('.').to_string(), json!(error))).collect()
     };

@@ -59,7 +59,7 @@ pub fn run(args: &GradArgs) -> Result<(), Failure> {
     let (picture, arrows) = sheet.draw();
     picture.save(&args.out)?;
     drop(spinner);
-    let report = Report { device: engine.name(), loss: &loss, gradient: &gradient, arrows, path: &args.out };
+    let report = GradReport { device: engine.name(), loss: &loss, gradient: &gradient, arrows, path: &args.out };
     if args.json { say(&report.json(&view, origin, &settings, start).to_string()) } else { say(&report.text()) }
 }
 
@@ -68,7 +68,7 @@ fn settings(args: &GradArgs, view: &Viewpoint, target: &Target) -> Settings {
     softras_view::settings(&look, view, &[Output::Color], 1, None)
 }
 
-struct Report<'a> {
+struct GradReport<'a> {
     device: &'a str,
     loss: &'a Loss,
     gradient: &'a [f64],
@@ -76,7 +76,7 @@ struct Report<'a> {
     path: &'a Path,
 }
 
-impl Report<'_> {
+impl GradReport<'_> {
     fn norm(&self) -> f64 {
         self.gradient.iter().map(|g| g * g).sum::<f64>().sqrt()
     }

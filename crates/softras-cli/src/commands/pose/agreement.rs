@@ -1,6 +1,6 @@
 //! How far a picture and the mesh in the pose that was found agree.
 
-use super::{Target, View};
+use super::{PoseTarget, View};
 use softras::{Image, Mesh, Renderer, Result};
 
 /// Samples along each side of a pixel. Pictures of more than [`MOST_SAMPLED`] pixels a side have one.
@@ -24,7 +24,7 @@ pub struct Agreement {
 
 impl Agreement {
     /// Renders the posed mesh and compares.
-    pub fn of(view: &View, posed: &Mesh, target: &Target, renderer: &mut Renderer) -> Result<Self> {
+    pub fn of(view: &View, posed: &Mesh, target: &PoseTarget, renderer: &mut Renderer) -> Result<Self> {
         let side = view.settings.width.max(view.settings.height);
         let shown = view.picture(posed, if side <= MOST_SAMPLED { SAMPLES } else { 1 }, renderer)?;
         Ok(Self::between([&target.color, &target.silhouette], [&shown.color, &shown.silhouette]))

@@ -30,15 +30,15 @@ pub fn run(args: &PoseArgs) -> Result<(), Failure> {
     outputs.spare([&args.image])?;
     let loaded = args.read.read(&args.mesh, true, &outputs, &budget)?;
     let (origin, mesh) = (loaded.origin, super::held(loaded.mesh, &renderer)?);
-    find(args, &mesh, origin, &Target::new(width, height, &pixels), &mut renderer)
+    find(args, &mesh, origin, &PoseTarget::new(width, height, &pixels), &mut renderer)
 }
 
-struct Target {
+struct PoseTarget {
     color: Image,
     silhouette: Image,
 }
 
-impl Target {
+impl PoseTarget {
     /// From pixels of linear colour over black, and alpha.
     fn new(width: usize, height: usize, pixels: &[[f64; 4]]) -> Self {
         let image = |channels: std::ops::Range<usize>| Image {
@@ -70,7 +70,7 @@ impl View {
     }
 
     /// A posed mesh: sharp, without light, every pixel the mean of `samples` samples along each side.
-    fn picture(&self, posed: &Mesh, samples: u32, renderer: &mut Renderer) -> Result<Target> {
+    fn picture(&self, posed: &Mesh, samples: u32, renderer: &mut Renderer) -> Result<PoseTarget> {
         let settings = Settings {
             width: self.settings.width * samples,
             height: self.settings.height * samples,
@@ -81,10 +81,10 @@ impl View {
         };
         let frame = renderer.render(&Scene::new(posed.clone()), &[self.camera], &settings)?;
         let samples = samples as usize;
-        Ok(Target { color: pooled(frame.color()?, samples)?, silhouette: pooled(frame.silhouette()?, samples)? })
+        Ok(PoseTarget { color: pooled(frame.color()?, samples)?, silhouette: pooled(frame.silhouette()?, samples)? })
     }
 
-    fn search(&self, args: &PoseArgs, mesh: &Mesh, center: DVec3, target: &Target) -> Result<PoseSearch> {
+    fn search(&self, args: &PoseArgs, mesh: &Mesh, center: DVec3, target: &PoseTarget) -> Result<PoseSearch> {
         let (color, silhouette) = (target.color.clone(), target.silhouette.clone());
         let search = PoseSearch::new(mesh.clone(), self.camera, center, self.settings.clone(), color, silhouette)?
             .with(args.starts as usize, args.iterations as usize);
@@ -100,7 +100,7 @@ fn find(
     args: &PoseArgs,
     mesh: &Mesh,
     origin: [f64; 3],
-    target: &Target,
+    target: &PoseTarget,
     renderer: &mut Renderer,
 ) -> Result<(), Failure> {
     let bounds = Bounds::of(mesh);

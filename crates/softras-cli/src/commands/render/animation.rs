@@ -1,19 +1,19 @@
 //! Turntables and sweeps, as GIF files or contact sheets.
 
 use super::report::Report;
-use super::{Failure, Stage, Target};
+use super::{Failure, RenderTarget, Stage};
 use crate::commands::progress::Progress;
 use softras_io::{Picture, PictureFormat, write_gif};
 use softras_view::{Image, delay, ground, looped, moments, sheet};
 
 /// Renders all frames once and writes them into every target.
-pub fn run(stage: &mut Stage<'_>, targets: &[Target], report: &mut Report) -> Result<(), Failure> {
+pub fn run(stage: &mut Stage<'_>, targets: &[RenderTarget], report: &mut Report) -> Result<(), Failure> {
     let options = stage.studio.options().clone();
     let (moments, ground) = (moments(&options), ground(&options));
     let mut frames: Vec<Vec<Picture>> = targets.iter().map(|_| Vec::new()).collect();
     let progress = Progress::counted("frame", moments.len());
     for moment in &moments {
-        let mut made: Vec<_> = targets.iter().map(Target::developed).collect();
+        let mut made: Vec<_> = targets.iter().map(RenderTarget::developed).collect();
         let mut depths = None;
         stage.studio.shoot(&mut stage.renderer, moment.turn, moment.step, |shot| {
             // Depth is shown between near and far, which are the same in all frames, so that greys do not flicker.

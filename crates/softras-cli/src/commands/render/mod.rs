@@ -35,8 +35,8 @@ pub fn run(args: &RenderArgs) -> Result<(), Failure> {
 }
 
 /// Renders one picture and writes it into every target.
-fn still(stage: &mut Stage<'_>, targets: &[Target], report: &mut Report) -> Result<(), Failure> {
-    let mut made: Vec<_> = targets.iter().map(Target::developed).collect();
+fn still(stage: &mut Stage<'_>, targets: &[RenderTarget], report: &mut Report) -> Result<(), Failure> {
+    let mut made: Vec<_> = targets.iter().map(RenderTarget::developed).collect();
     let mut progress = Progress::spinner("rendering");
     stage.studio.shoot(&mut stage.renderer, 0.0, None, |shot| {
         let height = shot.settings.height as usize;
@@ -62,13 +62,13 @@ fn still(stage: &mut Stage<'_>, targets: &[Target], report: &mut Report) -> Resu
 }
 
 #[derive(Debug)]
-struct Target {
+struct RenderTarget {
     path: PathBuf,
     format: PictureFormat,
     output: Output,
 }
 
-impl Target {
+impl RenderTarget {
     /// Whether the file holds the model's own values.
     fn has_floats(&self) -> bool {
         matches!(self.format, PictureFormat::Exr | PictureFormat::Npy)
@@ -80,11 +80,11 @@ impl Target {
 }
 
 /// One target for every output and file; with several outputs each file's name gains the output's name.
-fn targets(args: &RenderArgs) -> Result<Vec<Target>, Failure> {
+fn targets(args: &RenderArgs) -> Result<Vec<RenderTarget>, Failure> {
     let mut outputs: Vec<Output> = args.output.iter().map(|&output| output.into()).collect();
     outputs.dedup();
     let animated = args.turntable.is_some() || args.sweep.is_some();
-    let mut targets: Vec<Target> = Vec::new();
+    let mut targets: Vec<RenderTarget> = Vec::new();
     for out in &args.out {
         let format = match (PictureFormat::of(out), animated) {
             (Some(format @ (PictureFormat::Png | PictureFormat::Gif)), true) => Ok(format),
@@ -101,14 +101,14 @@ fn targets(args: &RenderArgs) -> Result<Vec<Target>, Failure> {
             if targets.iter().any(|t| t.path == path) {
                 return Err(Failure::Usage(format!("--out {}: would be written twice", path.display())));
             }
-            targets.push(Target { path, format, output });
+            targets.push(RenderTarget { path, format, output });
         }
     }
     Ok(targets)
 }
 
 /// Refuses samples that a file or a frame cannot have, and solid alpha in modes in which it is not possible.
-fn check_samples(args: &RenderArgs, targets: &[Target]) -> Result<(), Failure> {
+fn check_samples(args: &RenderArgs, targets: &[RenderTarget]) -> Result<(), Failure> {
     let options = args.options(2);
     if options.alpha == Some(Alpha::Solid) && !options.can_be_solid() {
         let needs = "needs --silhouette-mode product, --distance-mode euclidean and --background-mode composite";
@@ -116,7 +116,7 @@ fn check_samples(args: &RenderArgs, targets: &[Target]) -> Result<(), Failure> {
     }
     let side = args.look.size.0.max(args.look.size.1);
     match args.look.samples {
-        Some(n) if n > 1 && targets.iter().any(Target::has_floats) => {
+        Some(n) if n > 1 && targets.iter().any(RenderTarget::has_floats) => {
             Err(Failure::Usage(format!("--samples {n}: .exr and .npy hold the model's own values, one a pixel")))
         }
         Some(n) if n > Settings::MAX_SIZE / side => {
@@ -151,14 +151,19 @@ struct Stage<'a> {
 }
 
 impl<'a> Stage<'a> {
-    fn new(args: &'a RenderArgs, loaded: Loaded, targets: &[Target], notes: &mut Vec<String>) -> Result<Self, Failure> {
+    fn new(
+        args: &'a RenderArgs,
+        loaded: Loaded,
+        targets: &[RenderTarget],
+        notes: &mut Vec<String>,
+    ) -> Result<Self, Failure> {
         let mut renderer = super::open_device(args.device.as_deref(), args.read.memory)?;
         renderer.time_stages(true);
         let is_animation = targets.iter().any(|target| target.format == PictureFormat::Gif);
         let options = args.options(if is_animation { SWEEP_FRAMES } else { SWEEP_CELLS });
         let outputs: Vec<Output> = args.output.iter().map(|&output| output.into()).collect();
         let (vertices, triangles) = (loaded.mesh.positions().len(), loaded.mesh.triangles().len());
-        let (origin, floats) = (loaded.origin, targets.iter().any(Target::has_floats));
+        let (origin, floats) = (loaded.origin, targets.iter().any(RenderTarget::has_floats));
         let (studio, about) = Studio::new(loaded, options, &outputs, floats, &renderer.device_info().limits)?;
         args.camera.check_depths(&studio.viewpoint(0.0))?;
         about.iter().for_each(|text| note(text));

@@ -1,6 +1,6 @@
 //! The report of `softras render`, as text or as JSON.
 
-use super::{Failure, Stage, Target};
+use super::{Failure, RenderTarget, Stage};
 use crate::commands::{describe, note, say};
 use glam::DVec3;
 use serde_json::{Value, json};
@@ -8,7 +8,7 @@ use softras_view::{Shot, Studio, short};
 use std::time::Duration;
 
 #[derive(Debug)]
-struct Written {
+struct WrittenPicture {
     path: String,
     output: &'static str,
     frames: usize,
@@ -32,7 +32,7 @@ pub struct Report {
     first: Value,
     timings: Vec<(&'static str, f64)>,
     sweep: Option<(&'static str, Vec<f64>)>,
-    written: Vec<Written>,
+    written: Vec<WrittenPicture>,
 }
 
 impl Report {
@@ -82,9 +82,9 @@ impl Report {
     }
 
     /// Records that a file of `frames` frames was written, with the meaning of its values.
-    pub fn wrote(&mut self, target: &Target, frames: usize, meaning: Option<String>) {
+    pub fn wrote(&mut self, target: &RenderTarget, frames: usize, meaning: Option<String>) {
         let (path, output) = (target.path.display().to_string(), target.output.name());
-        self.written.push(Written { path, output, frames, meaning });
+        self.written.push(WrittenPicture { path, output, frames, meaning });
     }
 
     /// Notes that no frame shows anything of the mesh, if that is so, with what is likely to be the reason.
@@ -112,7 +112,8 @@ impl Report {
     }
 
     fn json(&self, total: Duration) -> Value {
-        let file = |f: &Written| json!({ "path": f.path, "output": f.output, "frames": f.frames, "note": f.meaning });
+        let file =
+            |f: &WrittenPicture| json!({ "path": f.path, "output": f.output, "frames": f.frames, "note": f.meaning });
         let stages: Vec<_> = self.timings.iter().map(|(s, ms)| json!({ "stage": s, "milliseconds": ms })).collect();
         json!({
             "device": self.device,

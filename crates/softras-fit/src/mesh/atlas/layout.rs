@@ -69,14 +69,14 @@ pub struct Layout {
 /// [`Error::Fit`] where charts with a texel along each leg do not fit.
 pub fn layout(mesh: &Mesh, texel: f64, most: u32) -> Result<Layout> {
     let shapes: Vec<Shape> = mesh.triangles().iter().map(|corners| Shape::of(mesh, corners)).collect();
-    let wanted = Cells::new(&shapes, texel, most);
+    let wanted = ChartSizes::new(&shapes, texel, most);
     if let Some(side) = wanted.least_side(most) {
         return Ok(Layout { side, texel, charts: wanted.charts(&shapes, side) });
     }
     let (mut short, mut long) = (texel, shapes.iter().map(|shape| shape.legs[0]).fold(texel, f64::max));
-    let mut found = Cells::new(&shapes, long, most);
+    let mut found = ChartSizes::new(&shapes, long, most);
     let Some(mut side) = found.least_side(most) else {
-        let needed = Cells::new(&shapes, long, u32::MAX).least_side(u32::MAX).unwrap_or(u32::MAX);
+        let needed = ChartSizes::new(&shapes, long, u32::MAX).least_side(u32::MAX).unwrap_or(u32::MAX);
         return Err(Error::Fit {
             what: format!("an atlas of {} triangles in {most}×{most} texels", shapes.len()),
             fix: format!("allow {needed}×{needed}, or use a mesh with fewer triangles"),
@@ -84,7 +84,7 @@ pub fn layout(mesh: &Mesh, texel: f64, most: u32) -> Result<Layout> {
     };
     for _ in 0..HALVINGS {
         let middle = short.sqrt() * long.sqrt();
-        let tried = Cells::new(&shapes, middle, most);
+        let tried = ChartSizes::new(&shapes, middle, most);
         match tried.least_side(most) {
             Some(fits) => (found, side, long) = (tried, fits, middle),
             None => short = middle,
@@ -119,14 +119,14 @@ impl Shape {
 }
 
 /// The charts for a texel's length: their legs, and their order.
-struct Cells {
+struct ChartSizes {
     /// Texels along the longer leg and along the shorter one of each triangle's chart.
     legs: Vec<[u32; 2]>,
     /// The triangles by falling height, then by falling width. The first and the second share a rectangle, and so on.
     order: Vec<u32>,
 }
 
-impl Cells {
+impl ChartSizes {
     /// Legs are cut to `most` texels, which is still too long for an image of that size.
     fn new(shapes: &[Shape], texel: f64, most: u32) -> Self {
         let whole = |leg: f64| (leg / texel).ceil().clamp(1.0, f64::from(most.max(1))) as u32;

@@ -16,7 +16,7 @@ use nearest::Nearest;
 use sizing::lengths;
 use softras::{Result, scene::Mesh};
 use std::ops::RangeInclusive;
-use surface::Surface;
+use surface::ChangingMesh;
 
 /// Number of rounds; further ones change little.
 const ROUNDS: usize = 5;
@@ -63,14 +63,14 @@ pub fn evened(mesh: &Mesh, edge: f64) -> Result<Mesh> {
 
 /// The tree that finds nearest points of a mesh, which has one colour or vertex colours.
 pub(crate) fn nearest(mesh: &Mesh) -> Result<Nearest> {
-    Ok(Surface::of(mesh)?.nearest())
+    Ok(ChangingMesh::of(mesh)?.nearest())
 }
 
 fn remade(mesh: &Mesh, edges: &RangeInclusive<f64>, is_kept: bool, goes_on: &dyn Fn() -> bool) -> Result<Mesh> {
     if !(*edges.start() > 0.0 && edges.start() <= edges.end() && edges.end().is_finite()) {
         return bad(format!("triangles with edges of {edges:?}"), "use lengths above 0, the shorter first");
     }
-    let mut surface = Surface::of(mesh)?;
+    let mut surface = ChangingMesh::of(mesh)?;
     surface.is_kept = is_kept;
     surface.sizes = lengths(&surface, edges);
     let wanted = surface.triangles_wanted();

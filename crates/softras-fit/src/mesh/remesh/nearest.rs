@@ -39,7 +39,7 @@ impl Node {
 
 /// A point of a surface, with the colour and the wanted edge length there.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Found {
+pub struct SurfacePoint {
     pub point: DVec3,
     /// `None` for a surface without vertex colours.
     pub color: Option<DVec3>,
@@ -85,7 +85,7 @@ impl Nearest {
     }
 
     /// The nearest point within a distance, on triangles that face about the same way as `normal`, or on any if `normal` is 0.
-    pub fn find(&self, point: DVec3, normal: DVec3, within: f64) -> Option<Found> {
+    pub fn find(&self, point: DVec3, normal: DVec3, within: f64) -> Option<SurfacePoint> {
         let (mut best, mut least) = (None, within * within);
         let mut next = vec![0];
         while let Some(at) = next.pop() {
@@ -117,11 +117,11 @@ impl Nearest {
     }
 
     /// The point of a triangle with these barycentric coordinates.
-    fn at(&self, triangle: &Triangle, shares: [f64; 3]) -> Found {
+    fn at(&self, triangle: &Triangle, shares: [f64; 3]) -> SurfacePoint {
         let corners = triangle.corners.map(|v| v as usize);
         let color = (!self.colors.is_empty()).then(|| mixed(shares, corners.map(|v| self.colors[v])));
         let size = corners.iter().zip(shares).map(|(v, share)| share * self.sizes[*v]).sum();
-        Found { point: mixed(shares, triangle.positions), color, size }
+        SurfacePoint { point: mixed(shares, triangle.positions), color, size }
     }
 }
 

@@ -1,6 +1,6 @@
 //! How long edges are to be at each vertex of a surface, by its curvature.
 
-use super::surface::Surface;
+use super::surface::ChangingMesh;
 use glam::DVec3;
 use std::ops::RangeInclusive;
 
@@ -12,7 +12,7 @@ const PASSES: usize = 2;
 
 /// The length for each vertex: that of a chord that stays within a tolerance of a circle of the vertex's curvature, within
 /// the range.
-pub fn lengths(surface: &Surface, edges: &RangeInclusive<f64>) -> Vec<f64> {
+pub fn lengths(surface: &ChangingMesh, edges: &RangeInclusive<f64>) -> Vec<f64> {
     let (shortest, longest) = (*edges.start(), *edges.end());
     let rings: Vec<Vec<u32>> = (0..surface.positions.len() as u32).map(|v| surface.neighbors(v)).collect();
     if shortest == longest {
@@ -32,7 +32,7 @@ pub fn lengths(surface: &Surface, edges: &RangeInclusive<f64>) -> Vec<f64> {
 }
 
 /// The curvature along an edge: how much the normal turns per length.
-fn curvature(surface: &Surface, normals: &[DVec3], from: usize, to: usize) -> f64 {
+fn curvature(surface: &ChangingMesh, normals: &[DVec3], from: usize, to: usize) -> f64 {
     let length = surface.positions[from].distance(surface.positions[to]);
     normals[from].distance(normals[to]) / length.max(f64::MIN_POSITIVE)
 }
@@ -61,7 +61,7 @@ mod tests {
     fn lengths_follow_the_curvature() {
         // A torus whose tube is bent by 1 / 0.3 around, and a ball.
         for (mesh, radius) in [(shapes::torus(0.7, 0.3, 96, 48).unwrap(), 0.3), (shapes::icosphere(4).unwrap(), 1.0)] {
-            let surface = Surface::of(&mesh).unwrap();
+            let surface = ChangingMesh::of(&mesh).unwrap();
             let all = lengths(&surface, &(0.02..=9.0));
             let expected = (8.0f64 * 0.002 * radius).sqrt();
             let off = all.iter().map(|length| (length / expected - 1.0).abs()).fold(0.0, f64::max);

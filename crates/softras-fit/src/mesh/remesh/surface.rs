@@ -1,6 +1,6 @@
 //! A mesh under change: edges that are split, collapsed and flipped, and vertices that move on the surface.
 
-use super::nearest::{Found, Nearest};
+use super::nearest::{Nearest, SurfacePoint};
 use crate::{bad, doubles, points, singles};
 use glam::DVec3;
 use softras::{
@@ -23,7 +23,7 @@ const CREASE: f64 = 0.5;
 const OFF: f64 = 0.1;
 
 /// A mesh under change, with the triangles at each vertex.
-pub struct Surface {
+pub struct ChangingMesh {
     pub positions: Vec<DVec3>,
     /// One for each vertex, or empty for a mesh without vertex colours.
     pub colors: Vec<DVec3>,
@@ -37,7 +37,7 @@ pub struct Surface {
     at: Vec<Vec<u32>>,
 }
 
-impl Surface {
+impl ChangingMesh {
     /// The surface of a mesh, with edges that may be of any length.
     pub fn of(mesh: &Mesh) -> Result<Self> {
         let colors = match mesh.appearance() {
@@ -315,12 +315,12 @@ impl Surface {
             let slid = position + without(middle - position, &self.fixed(v));
             match old {
                 Some(old) => old.find(slid, self.normal_at(v), REACH * self.sizes[v as usize]),
-                None => Some(Found { point: slid, color: None, size: self.sizes[v as usize] }),
+                None => Some(SurfacePoint { point: slid, color: None, size: self.sizes[v as usize] }),
             }
         };
-        let moves: Vec<Option<Found>> = (0..self.positions.len() as u32).map(moved).collect();
+        let moves: Vec<Option<SurfacePoint>> = (0..self.positions.len() as u32).map(moved).collect();
         for (v, found) in moves.into_iter().enumerate() {
-            let Some(Found { point, color, size }) = found else { continue };
+            let Some(SurfacePoint { point, color, size }) = found else { continue };
             (self.positions[v], self.sizes[v]) = (point, size);
             if let Some(color) = color {
                 self.colors[v] = color;
