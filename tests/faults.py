@@ -362,6 +362,8 @@ FAULTS = [
      "map(|(at, size)| at as usize + 16..(at + size) as usize)", ["embed::misuse::gradients"]),
     ("a GPU that fuses products and sums", "src/vulkan/specialized/mod.rs", "if depth == Depth::Cut {", "if false {",
      ["unit vulkan::specialized::"]),
+    ("fit: specks of a hull stay", "crates/softras-fit/src/mesh/specks.rs", ".fold(0.0, f64::max).min(length)", ".fold(0.0, f64::min).min(length)",
+     ["fit-unit mesh::specks::"]),
     ("views that do not agree are kept", "crates/softras-fit/src/photographs/agreement.rs", "is_worse.then_some(at)", "(false && is_worse).then_some(at)",
      ["fit doubt::a_wrong_view"]),
     ("a right view is left out", "crates/softras-fit/src/photographs/agreement.rs", "Some(carver) => covered[carver] = true,", "Some(_) => {}",

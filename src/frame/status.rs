@@ -67,7 +67,7 @@ impl Status {
     }
 }
 
-/// What a frame says of the one after it.
+/// The needs of the next frame, as a frame reports them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Next {
     /// Room for all that its lists needed, as far as the device can have it.

@@ -73,7 +73,7 @@ pub(super) fn first(floats: &[f32], stride: usize, channels: usize, spare: &Spar
     data
 }
 
-/// The same floats.
+/// A copy of the floats.
 pub(super) fn copied(floats: &[f32], spare: &Spare) -> Vec<f32> {
     let mut data = spare.take(floats.len());
     on_all_cores(floats.chunks(PART).zip(data.chunks_mut(PART)), |(from, to)| to.copy_from_slice(from));
@@ -132,7 +132,7 @@ mod tests {
             let floats = texels.as_flattened();
             assert_eq!(copied(floats, &spare), floats);
             assert_eq!(first(floats, 4, 3, &spare), rgb);
-            // What the next images are written over.
+            // The next images are written over these.
             spare.give(vec![f32::NAN; 3 * count]);
             spare.give(vec![f32::NAN; count]);
         }

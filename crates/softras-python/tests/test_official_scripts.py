@@ -73,7 +73,7 @@ class Model(nn.Module):
 images, cameras = torch.from_numpy(np.load("views.npy")).cuda(), torch.from_numpy(np.load("cameras.npy"))
 whole = sr.SoftRenderer(image_size=64, sigma_val=1e-4, aggr_func_rgb="hard", camera_mode="look_at", viewing_angle=15)
 whole.transform.set_eyes_from_angles(*cameras.unbind(1))
-# The same in parts.
+# In parts.
 lighting, transform = sr.Lighting(), sr.LookAt(viewing_angle=15)
 rasterizer = sr.SoftRasterizer(image_size=64, sigma_val=1e-4, aggr_func_rgb="hard", fill_back=True)
 transform.set_eyes_from_angles(*cameras.unbind(1))

@@ -1,4 +1,4 @@
-//! What a host has: its device, cameras, geometry and meshes, as it describes them.
+//! The device, cameras, geometry and meshes of a host, as it describes them.
 
 pub mod camera;
 pub mod geometry;

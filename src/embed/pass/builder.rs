@@ -351,7 +351,7 @@ impl Content {
         }
     }
 
-    /// What the setup copies: a buffer, where in it, and bytes.
+    /// The copies of the setup: a buffer, where in it, and bytes.
     fn setup(&self, tables: &Tables, frame: &FramePlan) -> Vec<(BufferId, u64, u64)> {
         const OF_FRAME: [BufferId; 3] = [BufferId::ViewShapes, BufferId::ViewCameras, BufferId::Lights];
         match self {

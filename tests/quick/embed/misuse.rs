@@ -275,7 +275,7 @@ fn what_changes_in_a_bound_pass_is_as_if_planned_so() {
     let second = bound.color(&engine);
     assert!(difference(&first, &second).is_some());
     assert_eq!(difference(&second, &fresh(&engine, plan.clone().settings(settings.clone()).lights(light(-0.7)))), None);
-    // What comes after other settings has their radius of support.
+    // Lights that come after other settings have their radius of support.
     let wide = Settings { support: Support::Guaranteed, gamma: 0.05, ..settings.clone() };
     bound.pass.set_settings(wide.clone()).unwrap();
     bound.pass.set_lights(light(0.4)).unwrap();

@@ -7,10 +7,11 @@
 //! no worse: at once, or after some steps of its own. It gets these steps because those before have moved only the old mesh to the
 //! outlines.
 
+use super::begin::SPECK_EDGES;
 use super::scores::{genus, mean, shape};
 use crate::{
     Fitting, ShapeFit, ShapeOptions, Topology, bad, evened,
-    mesh::regions::holes,
+    mesh::{regions::holes, specks::without_specks},
     overlap,
     photographs::unseen::{LEAST_PIXELS, Unseen},
     points,
@@ -196,8 +197,9 @@ impl Fitting {
             }
         };
         let raw = cut_to(hull, &self.run.targets, mesh, missing.as_ref())?;
-        self.check_handles(&raw, mesh)?;
         let (mut made, edge): (Vec<(Mesh, MeshFaults)>, f64) = (Vec::new(), edge(mesh)?);
+        let (raw, _) = without_specks(&raw, SPECK_EDGES * edge)?;
+        self.check_handles(&raw, mesh)?;
         for share in EDGES {
             if share < 1.0 && share * edge < LEAST_EDGE * self.subject.pixel {
                 break;

@@ -3,5 +3,6 @@
 pub mod atlas;
 pub mod regions;
 pub mod remesh;
+pub mod specks;
 pub mod subdivision;
 pub mod topology;

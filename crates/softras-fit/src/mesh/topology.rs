@@ -106,11 +106,16 @@ impl Topology {
         }
     }
 
+    /// The vertices of each connected part, in the order of their first ones; none of those that no triangle uses.
+    pub(crate) fn parts(&self) -> Vec<Vec<usize>> {
+        let beside = |v, around: &mut Vec<usize>| around.extend(self.neighbors(v).iter().map(|n| *n as usize));
+        regions(self.vertices, |v| !self.neighbors(v).is_empty(), beside)
+    }
+
     /// The number of parts, and the number of their handles together: the genus of a torus is 1. The genus is `None` unless every
     /// part is a closed surface: 2 - 2 genus = vertices - edges + triangles (Euler's formula).
     pub fn parts_and_genus(&self) -> (usize, Option<usize>) {
-        let beside = |v, around: &mut Vec<usize>| around.extend(self.neighbors(v).iter().map(|n| *n as usize));
-        let parts = regions(self.vertices, |v| !self.neighbors(v).is_empty(), beside);
+        let parts = self.parts();
         let (vertices, parts) = (parts.iter().map(Vec::len).sum::<usize>(), parts.len());
         let paired = self.flaps.iter().map(|flap| flap.edge).eq(self.edges.iter().copied());
         let closed = paired && 2 * self.edges.len() == 3 * self.triangles.len();

@@ -166,7 +166,7 @@ fn spread(subject: &Subject) -> Option<Subject> {
 
 /// How much given views disagree.
 struct Given {
-    /// What is not due to samples, and that part of the masks.
+    /// The part of the disagreement that is not due to samples, and that part of the masks.
     beyond_samples: Disagreement,
     by_samples: f64,
 }

@@ -170,7 +170,7 @@ fn steps_of_some_of_the_views_take_them_in_turn() {
     assert_eq!(second.mesh().positions(), whole.mesh().positions());
 }
 
-/// Of 24 views the first 0.6 of the steps from their hull compare twelve, and the others all; of 23 views each step compares all.
+/// The first 0.6 of the steps from a hull of 24 views compare twelve of them, and the other steps all; with 23 views each step compares all.
 #[test]
 fn large_steps_compare_half_of_many_views() {
     let mut renderer = common::renderer();

@@ -6,7 +6,7 @@ use image::Rgba;
 #[derive(Debug, Default)]
 pub struct Kept {
     size: (u32, u32),
-    /// Of each row the column that it begins with, and where its pixels end in `pixels`; those of the row before end where they
+    /// The column that each row begins with, and where its pixels end in `pixels`; those of the row before end where they
     /// begin.
     rows: Vec<(u32, usize)>,
     pixels: Vec<Rgba<u8>>,
@@ -23,7 +23,7 @@ impl Kept {
             first..(first..size.0).rev().find(shown).map_or(first, |last| last + 1)
         };
         let spans: Vec<_> = (0..size.1).map(span).collect();
-        // Of the exact size, since a fit holds one for each photograph.
+        // The memory has the exact size, since a fit holds one for each photograph.
         let mut pixels = Vec::with_capacity(spans.iter().map(ExactSizeIterator::len).sum());
         let mut rows = Vec::with_capacity(spans.len());
         for (row, span) in (0..).zip(spans) {

@@ -16,7 +16,7 @@ const DEEP: f64 = 1.3;
 /// surface's.
 const SQUARE: f64 = 1.0 / 70.0;
 const FILLED: f64 = 0.8;
-/// What differs by less than this share of the surface's reach is glare of the object, or the background's own.
+/// A pixel that differs by less than this share of the surface's reach is glare of the object, or the background's own.
 const GLARE: f64 = 1.0 / 3.0;
 
 /// How far a second surface reaches from the background: up to the valley between its pixels and those of the object, which differ
@@ -68,7 +68,7 @@ pub fn cut(distances: &mut [u8], size: [usize; 2], ground: u8, reach: u8) {
             *distance = 0;
         }
     }
-    // What remains without a pixel of the object is a flare of the lens or the like.
+    // A part that remains without a pixel of the object is a flare of the lens or the like.
     let (runs, all) = parts(size, true, |column, row| distances[row * width + column] > 0);
     let mut is_object = vec![false; all.len()];
     for run in &runs {
