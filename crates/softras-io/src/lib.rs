@@ -117,8 +117,12 @@ pub fn load_with(path: impl AsRef<Path>, options: &LoadOptions) -> Result<Loaded
     })?;
     if mesh.triangles().is_empty() {
         let (line, reasons) = source.notes.reasons(3);
+        let points = mesh.positions().len();
+        if points == 0 && reasons.is_empty() {
+            return Err(fault_at(path, line, "no faces and no vertices", "give a file with triangles"));
+        }
         let reasons = if reasons.is_empty() { "its points are not drawn".into() } else { reasons };
-        let what = format!("no faces ({} vertices): {reasons}", mesh.positions().len());
+        let what = format!("no faces ({points} vertices): {reasons}");
         let fix = "give a mesh with triangles (MeshLab makes them of points: Screened Poisson)";
         return Err(fault_at(path, line, what, fix));
     }

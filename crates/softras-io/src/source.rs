@@ -265,8 +265,9 @@ impl<'a> Source<'a> {
         let mesh = Mesh::new(positions, triangles)?.with_appearance(appearance)?;
         let same_way = face_away(self.path, &mesh, &mut self.single_sided)?;
         if same_way > 0 {
-            self.notes
-                .add(None, format!("{same_way} triangles lie on others of another colour: their colours are mixed"));
+            let lie = if same_way == 1 { "triangle lies" } else { "triangles lie" };
+            let what = format!("{same_way} {lie} on others of another colour: one of the two is seen, or both mixed");
+            self.notes.add(None, what);
         }
         Ok(mesh)
     }

@@ -35,11 +35,14 @@ pub(super) fn read(source: &mut Source, bytes: Vec<u8>) -> Result<Mesh> {
     }
 }
 
-/// Whether a file is one of text: it begins with `solid` and has a facet, or has ended, soon thereafter.
+/// Whether a file is one of text: it begins with `solid`, behind comments, and has a facet, or has ended, soon thereafter.
 fn is_text(bytes: &[u8]) -> bool {
     let wide = bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]);
     let start = text::decoded(&bytes[..bytes.len().min(2048)]).to_ascii_lowercase();
-    let start = start.trim_start_matches('\u{feff}').trim_start();
+    let mut start = start.trim_start_matches('\u{feff}').trim_start();
+    while start.starts_with('#') {
+        start = start.split_once(['\n', '\r']).map_or("", |(_, rest)| rest.trim_start());
+    }
     wide || start.starts_with("solid") && ["facet", "endsolid", "end solid"].iter().any(|word| start.contains(word))
 }
 
@@ -54,7 +57,7 @@ fn facets(source: &mut Source, bytes: Vec<u8>) -> Result<Mesh> {
     let line_end = if text.contains('\n') { '\n' } else { '\r' };
     for (line, number) in text.split(line_end).zip(1..) {
         words.clear();
-        words.extend(line.split_whitespace());
+        words.extend(line.split_whitespace().filter(|_| !line.trim_start().starts_with('#')));
         let is = |at: usize, word: &str| words.get(at).is_some_and(|own: &&str| own.eq_ignore_ascii_case(word));
         let mut at = 0;
         while let Some(word) = words.get(at) {

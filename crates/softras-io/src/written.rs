@@ -7,6 +7,8 @@ use softras::{
 };
 use std::{borrow::Cow, path::Path};
 
+/// The note on colours that bytes do not hold.
+const CUT_OFF: &str = "colours below 0 or above 1 are cut off";
 /// How far from a whole number a byte may be before its rounding is noted.
 const ROUNDED: f64 = 0.02;
 
@@ -68,10 +70,11 @@ impl<'a> Written<'a> {
         let Appearance::Textured { uvs, uv_triangles, textures, texture_of_triangle } = self.mesh.appearance() else {
             return Ok(());
         };
-        let mut is_rounded = false;
+        let (mut is_rounded, mut is_cut) = (false, false);
         let mut byte = |x: f32| {
             let byte = Curve::Srgb.encode(x.into()) * 255.0;
-            is_rounded |= (byte - byte.round()).abs() > ROUNDED || !(0.0..=1.0).contains(&x);
+            is_rounded |= (byte - byte.round()).abs() > ROUNDED;
+            is_cut |= !(0.0..=1.0).contains(&x);
             (byte.round() / 255.0) as f32
         };
         let mut one = |t: &Texture| t.with_texels(t.texels().iter().map(|texel| texel.map(&mut byte)).collect());
@@ -86,6 +89,9 @@ impl<'a> Written<'a> {
         if is_rounded {
             self.notes.push("textures are rounded to 256 steps from 0 to 1".into());
         }
+        if is_cut {
+            self.notes.push(CUT_OFF.into());
+        }
         Ok(())
     }
 
@@ -93,8 +99,11 @@ impl<'a> Written<'a> {
     pub fn bytes(&mut self, color: [f32; 3]) -> [u8; 3] {
         color.map(|x| {
             let byte = self.curve.encode(x.into()) * 255.0;
-            if (byte - byte.round()).abs() > ROUNDED || !(0.0..=1.0).contains(&x) {
+            if (byte - byte.round()).abs() > ROUNDED {
                 self.lose("colours are rounded to 256 steps from 0 to 1");
+            }
+            if !(0.0..=1.0).contains(&x) {
+                self.lose(CUT_OFF);
             }
             byte.round() as u8
         })

@@ -142,7 +142,7 @@ impl Studio {
         let is_flat = mesh.triangles().iter().all(|corners| area(corners.map(corner)) == 0.0);
         let is_placed = camera.eye.is_some() || camera.target.is_some() || camera.distance.is_some();
         let is_cut = camera.near.is_some() || camera.far.is_some();
-        if self.first.misses(self.bounds) {
+        if self.first.misses(self.bounds) || mesh.triangles().is_empty() {
             None
         } else if is_flat && self.glass.is_none() {
             Some("no triangle of the mesh has an area: at most a faint blur of them is in the picture")

@@ -97,6 +97,9 @@ fn a_picture_with_nothing_in_it_is_noted() {
     assert_eq!(noted(triangle, &["--turntable", "3", "-o", "b.png"]).matches("nothing").count(), 0);
     let flat = noted("v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n", &[]);
     assert!(flat.contains("note: no triangle of the mesh has an area"), "{flat}");
+    fs::write(folder.path().join("clear.mtl"), "newmtl clear\nd 0\n").unwrap();
+    let clear = noted(&format!("mtllib clear.mtl\nusemtl clear\n{triangle}"), &[]);
+    assert!(clear.contains("wholly transparent") && !clear.contains("has an area"), "{clear}");
     let beside = noted(triangle, &["--eye", "9,0,-5", "--look-at", "9,0,0"]);
     assert!(beside.contains("note: nothing") && beside.contains("without --eye, --look-at"), "{beside}");
     let away = noted(triangle, &["--faces", "front", "--azimuth", "0"]);

@@ -90,12 +90,21 @@ fn parsed(source: &mut Source, text: &str) -> Result<Value> {
     Ok(value)
 }
 
+/// The version that a file says, as text or as a number. Version 1.0 has objects in place of lists, whatever the file says.
+fn version(value: &Value) -> String {
+    let said = &value["asset"]["version"];
+    if ["meshes", "nodes", "scenes"].iter().any(|name| value[name].is_object()) {
+        return "1.0".into();
+    }
+    said.as_f64().map_or(said.as_str().unwrap_or("2.0").into(), |number| format!("{number:.1}"))
+}
+
 pub(super) fn read(source: &mut Source, bytes: &[u8]) -> Result<Mesh> {
     let path = source.path;
     let wrong = |(what, fix): GltfWrong| fault(path, what, fix);
     let (text, binary) = document::split(bytes).map_err(wrong)?;
     let value = parsed(source, &text::decoded(text::unpadded(text)))?;
-    let version = value["asset"]["version"].as_str().unwrap_or("2.0");
+    let version = version(&value);
     if !version.starts_with("2.") {
         return Err(fault(path, format!("glTF of version {version:.20}; version 2.0 is read"), CONVERT));
     }
@@ -285,14 +294,10 @@ impl Soup {
     /// The opacity of each triangle; empty where all are 1.
     fn opacity(&self) -> Vec<f32> {
         let of = |(t, piece): (usize, usize)| {
-            let Piece { look, uv_range, .. } = &self.pieces[piece];
+            let look = &self.pieces[piece].look;
             let vertices = self.triangles[t].map(|corner| self.colors[corner as usize][3]);
-            let alpha = look.alpha * vertices.iter().sum::<f32>() / 3.0;
-            match look.cut {
-                // The cutoff is for the product with the texture's alpha, and was applied to the texels.
-                image::AlphaMode::Mask(_) if look.map.is_some() && uv_range.is_some() => 1.0,
-                cut => cut.apply(alpha),
-            }
+            // A texture's alpha is 1 at most: where the product without it is below a cutoff, that with it is as well.
+            look.cut.apply(look.alpha * vertices.iter().sum::<f32>() / 3.0)
         };
         let opacity: Vec<f32> = self.piece_of_triangle().enumerate().map(of).collect();
         if opacity.iter().all(|opacity| *opacity == 1.0) { Vec::new() } else { opacity }

@@ -61,6 +61,11 @@ fn ply(written: &mut Written, images: &str) -> Result<Vec<u8>> {
             is_used[vertex as usize] = true;
         }
     }
+    if corners.len() > is_used.iter().filter(|is_used| **is_used).count() {
+        written
+            .notes
+            .push("a vertex with several normals is written once for each: readers find the surface open there".into());
+    }
     corners.extend((0..).zip(is_used).filter(|(_, is_used)| !is_used).map(|(vertex, _)| ((vertex, [0; 3]), 0)));
     corners.values_mut().zip(0..).for_each(|(index, i)| *index = i);
 

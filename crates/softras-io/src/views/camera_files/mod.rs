@@ -109,8 +109,15 @@ pub fn read(folder: &Path, given: Option<&Path>, fov: f64, notes: &mut Vec<Strin
 }
 
 /// The files of cameras that a folder is searched for, besides those of Middlebury.
-const NAMES: [&str; 6] =
-    ["cameras.json", "transforms.json", "images.txt", "images.bin", "cameras.npz", "cameras_sphere.npz"];
+const NAMES: [&str; 7] = [
+    "cameras.json",
+    "transforms.json",
+    "transforms_train.json",
+    "images.txt",
+    "images.bin",
+    "cameras.npz",
+    "cameras_sphere.npz",
+];
 
 /// The folders below a folder of pictures that have COLMAP's model.
 const MODELS: [&str; 4] = ["", "sparse/0", "sparse", "colmap/sparse/0"];

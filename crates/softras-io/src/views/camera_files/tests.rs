@@ -95,7 +95,8 @@ fn points_project_by_transforms() {
     );
     let [far, near] = ["\"rotation\": 0.01,", "\"camera_angle_x\": 0.6,"].map(frame);
     let by_angle = format!(r#"{{"camera_angle_x": 0.8, "frames": [{far}, {near}]}}"#);
-    let pixels = cameras(&[("transforms.json", &by_pixels)]).unwrap();
+    // The synthetic scenes of NeRF have a file for the views to learn from, one to validate and one to test with.
+    let pixels = cameras(&[("transforms_test.json", "{}"), ("transforms_train.json", &by_pixels)]).unwrap();
     let angle = cameras(&[("transforms.json", &by_angle)]).unwrap();
     let focal = [0.4f64, 0.3].map(|half| 30.0 / half.tan());
     for p in POINTS {

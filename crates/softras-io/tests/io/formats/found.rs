@@ -237,7 +237,7 @@ fn vertex_colours_stay_beside_textures() {
     })
     .unwrap();
     assert_eq!((at_corners(&loaded, 0), at_corners(&loaded, 1)), ([RGB[0]; 3], RGB));
-    assert!(loaded.notes.len() == 1 && loaded.notes[0].contains("lie on others"), "{:?}", loaded.notes);
+    assert!(loaded.notes.len() == 1 && loaded.notes[0].contains("on others of another colour"), "{:?}", loaded.notes);
     // A primitive that has both shows their product: here the texture is red.
     let product = changed(|root| {
         textured_by(root);
@@ -277,6 +277,9 @@ fn materials_of_gltf_are_drawn_or_noted() {
     let masked = with(masked);
     assert_eq!(masked.opacity, [0.0]);
     assert_note(&masked, "wholly transparent");
+    // A texture without an alpha of its own leaves the base colour's below the cutoff.
+    let covered = json!({ "baseColorFactor": [1, 1, 1, 0.2], "baseColorTexture": map });
+    assert_eq!(with(json!({ "alphaMode": "MASK", "pbrMetallicRoughness": covered })).opacity, [0.0]);
     assert_note(&with(json!({ "normalTexture": { "index": 0 } })), "materials[0].normalTexture: normal maps");
     let wood = with(json!({ "name": "wood", "normalTexture": { "index": 0 } }));
     assert_note(&wood, "materials[0] \"wood\".normalTexture: normal maps");
@@ -423,6 +426,7 @@ fn spellings_of_stl_are_read_with_their_colours() {
     let texts = [
         (format!("solid facet_plate v2\n{facet}endsolid facet_plate v2\n"), 1),
         (format!("solid p\n{facet}end solid p\n"), 1),
+        (format!("# a vertex of a facet\n\n # by hand\nsolid p\n# vertex 1\n{facet}endsolid p\n"), 1),
         (format!("solid p\n{}endsolid p\n", facet.replace("endloop", "end loop")), 1),
         (format!("\u{feff}solid p\n{facet}endsolid\nsolid multifacet B\n{facet}endsolid multifacet B\n"), 2),
         (format!("solid a\n{facet}endsolid a\n").replace('\n', "\r"), 1),
@@ -993,5 +997,5 @@ fn each_side_of_a_sheet_is_seen_from_its_own() {
     };
     assert_eq!(read("usemtl b\nf 6 5 4\nf 1 2 2"), (vec![true, true, false], String::new()));
     assert_eq!(read("f 4 5 6\nf 3 2 1\nusemtl b\nv 1 1 1\nf 1 2 7\nf 1 1 2"), (vec![], String::new()));
-    assert!(read("usemtl b\nf 5 6 4").1.contains("1 triangles lie on others of another colour"));
+    assert!(read("usemtl b\nf 5 6 4").1.contains("1 triangle lies on others of another colour"));
 }

@@ -296,6 +296,8 @@ fn malformed_files_say_what_is_wrong() {
     assert_refused(read(&folder, "a.ply", text.replace("float x", "float w").as_bytes()), &["no x, y and z"]);
     let cloud = "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\nend_header\n1 2 3\n";
     assert_refused(read(&folder, "a.ply", cloud.as_bytes()), &["no faces (1 vertices): its points are not drawn"]);
+    let empty = cloud.replace("vertex 1", "vertex 0").replace("1 2 3", "");
+    assert_refused(read(&folder, "a.ply", empty.as_bytes()), &["no faces and no vertices"]);
     let empty_rows = cloud.replace("end_header", "element none 9999999999999999\nend_header");
     assert_refused(read(&folder, "a.ply", empty_rows.as_bytes()), &["no faces"]);
     let (root, binary) = gltf(&torus);
@@ -310,6 +312,9 @@ fn malformed_files_say_what_is_wrong() {
         ("/nodes/0/mesh", json!(3), &["mesh 3 but there are 1"]),
         ("/accessors/1/componentType", json!(5126), &["unsigned whole"]),
         ("/nodes/0/mesh", json!("a"), &["malformed glTF"]),
+        ("/nodes", json!({ "a": {} }), &["version 1.0", "gltf-pipeline"]),
+        ("/asset/version", json!(1), &["version 1.0", "gltf-pipeline"]),
+        ("/nodes", json!([]), &["no faces and no vertices"]),
     ];
     for (place, value, words) in cases {
         let mut root = root.clone();
