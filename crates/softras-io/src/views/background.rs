@@ -2,6 +2,7 @@
 
 use super::{
     parts::{Part, parts},
+    shadow::Shade,
     surface,
 };
 use image::{Rgba, RgbaImage};
@@ -24,6 +25,8 @@ const SQUARE: usize = 5;
 const LEAST_DARK: usize = 18;
 /// Pixels of the picture that tell a second surface from the object, about.
 const SURFACE_SAMPLES: usize = 1 << 16;
+/// The least channel of a background on which shadows are looked for.
+const BRIGHT: f64 = 64.0;
 /// Backgrounds of one set that differ by more are not the same.
 const ALIKE: f64 = 48.0;
 /// Smaller parts and holes of a noisy picture's object, as shares of its area, are noise.
@@ -118,9 +121,15 @@ impl Plain {
         let size = [picture.width() as usize, picture.height() as usize];
         let [width, height] = size;
         let mut distances = Vec::with_capacity(width * height);
+        let object = self.tolerance.min(253.0) as u8 + 1;
+        let shade = self.is_bright().then(|| Shade::new(picture, |row| self.along(row, size)));
+        let light = |column: usize, row: usize| shade.as_ref().map_or(Some(1.0), |shade| shade.light(column, row));
         for (row, pixels) in picture.rows().enumerate() {
             let along = self.along(row, size);
-            distances.extend(pixels.enumerate().map(|(column, pixel)| away(pixel, &along(column)).round() as u8));
+            distances.extend(pixels.enumerate().map(|(column, pixel)| match light(column, row) {
+                Some(light) => away(pixel, &along(column).map(|x| light * x)).round() as u8,
+                None => (away(pixel, &along(column)).round() as u8).max(object),
+            }));
         }
         let black = self.tolerance.min(254.0) as u8;
         let dark =
@@ -167,6 +176,12 @@ impl Plain {
         if self.tolerance > 0.0 {
             mend(picture, size);
         }
+    }
+
+    /// Whether shadows show on it, in a picture of a format that changes pixels, which a camera's are.
+    fn is_bright(&self) -> bool {
+        let is_lossy = self.tolerance >= LOSSY / 2.0 && self.surface.is_none();
+        is_lossy && self.colors.iter().any(|channel| channel[0] >= BRIGHT)
     }
 
     /// Whether it is black in a format that changes pixels.

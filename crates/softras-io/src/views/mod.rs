@@ -10,6 +10,7 @@ mod maps;
 mod masks;
 mod parts;
 mod photograph;
+mod shadow;
 mod surface;
 
 pub(crate) use background::Plain;
