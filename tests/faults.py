@@ -27,7 +27,7 @@ PAIR, PIXELS = "glsl/common/pair_gradient.glsl", "glsl/common/pair.glsl"
 ROWS = "glsl/common/item_pixels.glsl"
 
 # Each fault: what is broken, the file, the text, its replacement, and the tests that should see it. These are a module of
-# `cargo test --test quick`. With `unit `, `fit-unit ` or `io-unit ` before it, it is a unit test of the library, softras-fit or softras-io, with `fit `, `io `, `check `, `cli `
+# `cargo test --test quick`. With `unit ` or `fit-unit ` before it, it is a unit test of the library or of softras-fit, with `fit `, `io `, `check `, `cli `
 # or `view ` one of that package's tests. With `full ` it needs the full tier's sizes to see the fault, with `layers ` the validation layers.
 FAULTS = [
     ("large images copied by no thread but the others", "src/renderer/pixels.rs", "        run();\n", "", ["unit renderer::pixels"]),
@@ -362,10 +362,10 @@ FAULTS = [
      "map(|(at, size)| at as usize + 16..(at + size) as usize)", ["embed::misuse::gradients"]),
     ("a GPU that fuses products and sums", "src/vulkan/specialized/mod.rs", "if depth == Depth::Cut {", "if false {",
      ["unit vulkan::specialized::"]),
-    ("fit: specks of a hull stay", "crates/softras-fit/src/mesh/specks.rs", ".fold(0.0, f64::max).min(length)", ".fold(0.0, f64::min).min(length)",
+    ("fit: specks of a hull stay", "crates/softras-fit/src/mesh/specks.rs", ".fold(0.0, f64::max).min(SPECK_EDGES", ".fold(0.0, f64::min).min(SPECK_EDGES",
      ["fit-unit mesh::specks::"]),
     ("views: a soft shadow is the object", "crates/softras-io/src/views/shadow.rs", "<= STEP && has_hue(&cells[beside])", "<= 0.0 * STEP && has_hue(&cells[beside])",
-     ["io-unit views::shadow::"]),
+     ["io views::soft_shadows"]),
     ("views that do not agree are kept", "crates/softras-fit/src/photographs/agreement.rs", "is_worse.then_some(at)", "(false && is_worse).then_some(at)",
      ["fit doubt::a_wrong_view"]),
     ("a right view is left out", "crates/softras-fit/src/photographs/agreement.rs", "Some(carver) => covered[carver] = true,", "Some(_) => {}",
@@ -455,7 +455,7 @@ def cargo(test, arguments):
     words = test.split()
     tier = {"full": {"SOFTRAS_TIER": "full"}, "layers": {"SOFTRAS_VALIDATION": "1"}}.get(words[0], {})
     programs = {name: ["-p", f"softras-{name}", "--test", name] for name in ("fit", "io", "check", "cli")}
-    programs |= {"unit": ["-p", "softras", "--lib"], "fit-unit": ["-p", "softras-fit", "--lib"], "io-unit": ["-p", "softras-io", "--lib"]}
+    programs |= {"unit": ["-p", "softras", "--lib"], "fit-unit": ["-p", "softras-fit", "--lib"]}
     programs["view"] = ["-p", "softras-view", "--lib"]
     program = programs.get(words[-2] if words[1:] else "", ["-p", "softras", "--test", "quick"])
     return ["cargo", "test", "-q", *program, *arguments], words[-1], tier

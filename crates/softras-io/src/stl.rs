@@ -57,7 +57,9 @@ fn facets(source: &mut Source, bytes: Vec<u8>) -> Result<Mesh> {
     let line_end = if text.contains('\n') { '\n' } else { '\r' };
     for (line, number) in text.split(line_end).zip(1..) {
         words.clear();
-        words.extend(line.split_whitespace().filter(|_| !line.trim_start().starts_with('#')));
+        if !line.trim_start().starts_with('#') {
+            words.extend(line.split_whitespace());
+        }
         let is = |at: usize, word: &str| words.get(at).is_some_and(|own: &&str| own.eq_ignore_ascii_case(word));
         let mut at = 0;
         while let Some(word) = words.get(at) {

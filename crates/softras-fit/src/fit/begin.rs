@@ -6,7 +6,7 @@ use super::{
 };
 use crate::{
     bad, evened,
-    mesh::specks::without_specks,
+    mesh::specks::{SPECK_EDGES, without_specks},
     photographs::{color::color_under_light, subject::Subject},
     solid::hull::{meshed, samples},
     work::Work,
@@ -25,8 +25,6 @@ const HULL_VIEWS: usize = 8;
 const FINE_SPHERE_VIEWS: usize = 6;
 /// The length of a hull's edges in pixels, where no edge is given.
 const HULL_EDGE: f64 = 2.0;
-/// Parts of a hull that are smaller than this number of its edges are specks: a few triangles, which steps draw together to points.
-pub const SPECK_EDGES: f64 = 2.0;
 
 /// A mesh, and what is known of it.
 pub struct Begin {
@@ -104,11 +102,10 @@ fn hull(options: &FitOptions, subject: &Subject, work: &mut Work) -> Result<Opti
         Ok((raw, samples)) => {
             let edge = options.edge.map_or(HULL_EDGE, |edge| edge.0) * subject.pixel;
             work.goes_on()?;
-            let least = SPECK_EDGES * edge;
-            let (raw, specks) = without_specks(&raw, least)?;
+            let (raw, specks) = without_specks(raw, edge)?;
             if specks > 0 {
-                let pixels = least / subject.pixel;
-                work.notes.push(format!("{specks} specks of the hull, smaller than {pixels:.1} pixels, are left out"));
+                let pixels = SPECK_EDGES * edge / subject.pixel;
+                work.notes.push(format!("{specks} part(s) of the hull smaller than {pixels:.1} pixels are left out"));
             }
             let hull = evened(&raw, edge)?;
             // A hull that was carved by depths has its hollows already.

@@ -7,7 +7,6 @@
 //! no worse: at once, or after some steps of its own. It gets these steps because those before have moved only the old mesh to the
 //! outlines.
 
-use super::begin::SPECK_EDGES;
 use super::scores::{genus, mean, shape};
 use crate::{
     Fitting, ShapeFit, ShapeOptions, Topology, bad, evened,
@@ -198,7 +197,7 @@ impl Fitting {
         };
         let raw = cut_to(hull, &self.run.targets, mesh, missing.as_ref())?;
         let (mut made, edge): (Vec<(Mesh, MeshFaults)>, f64) = (Vec::new(), edge(mesh)?);
-        let (raw, _) = without_specks(&raw, SPECK_EDGES * edge)?;
+        let (raw, _) = without_specks(raw, edge)?;
         self.check_handles(&raw, mesh)?;
         for share in EDGES {
             if share < 1.0 && share * edge < LEAST_EDGE * self.subject.pixel {

@@ -1,7 +1,7 @@
 //! Shape fits, their presets, and a loss of one's own.
 
 use crate::common;
-use crate::meshes::{PERSPECTIVE, cameras, cube, mapped, moved};
+use crate::meshes::{PERSPECTIVE, both, cameras, cube, mapped, moved};
 use softras::scene::{Appearance, Outputs};
 use softras::{Error, Frame, Image, ImageGradient, Lights, Mesh, Renderer, RendererOptions, Scene, Settings, shapes};
 use softras_fit::{
@@ -206,6 +206,22 @@ fn the_sum_over_the_edges_of_a_large_mesh_weighs_less() {
     assert!(share < 0.9 && weights == [laplacian, (Regularizer::Flatten, flatten * share)], "{triangles} {weights:?}");
     // A weight that is given is the weight.
     assert_eq!(of(0.3, Some(flatten)).1, [laplacian, (Regularizer::Flatten, flatten)]);
+}
+
+/// A part of a hull that few pixels show is left out with a note, and a larger one stays.
+#[test]
+fn specks_of_a_hull_are_left_out() {
+    let mut renderer = common::renderer();
+    let ball = shapes::icosphere(2).unwrap();
+    let mut of = |radius: f32| {
+        let views = ViewsOfMesh { count: 12, size: (SIDE, SIDE), ..ViewsOfMesh::default() };
+        let two = both(&ball, &moved(&ball, radius, [1.5, 0.0, 0.0]));
+        let mut fit = Fit::of_mesh(two, &views, &mut renderer).unwrap();
+        fit.options = FitOptions { iterations: Some(1), keep_topology: true, ..fit.options };
+        let fitted = fit.run(&mut renderer, |_| ControlFlow::Continue(())).unwrap();
+        (fitted.scores.parts, fitted.notes.iter().filter(|note| note.contains("1 part(s) of the hull")).count())
+    };
+    assert_eq!([of(0.2), of(0.4)], [(1, 1), (2, 0)]);
 }
 
 #[test]

@@ -122,7 +122,7 @@ impl Plain {
         let [width, height] = size;
         let mut distances = Vec::with_capacity(width * height);
         let object = self.tolerance.min(253.0) as u8 + 1;
-        let shade = self.is_bright().then(|| Shade::new(picture, |row| self.along(row, size)));
+        let shade = self.has_shadows().then(|| Shade::new(picture, |row| self.along(row, size)));
         let light = |column: usize, row: usize| shade.as_ref().map_or(Some(1.0), |shade| shade.light(column, row));
         for (row, pixels) in picture.rows().enumerate() {
             let along = self.along(row, size);
@@ -178,10 +178,9 @@ impl Plain {
         }
     }
 
-    /// Whether shadows show on it, in a picture of a format that changes pixels, which a camera's are.
-    fn is_bright(&self) -> bool {
-        let is_lossy = self.tolerance >= LOSSY / 2.0 && self.surface.is_none();
-        is_lossy && self.colors.iter().any(|channel| channel[0] >= BRIGHT)
+    /// Whether soft shadows show on it: it is bright and a camera's, and has no second surface.
+    fn has_shadows(&self) -> bool {
+        self.tolerance > 0.0 && self.surface.is_none() && self.colors.iter().any(|channel| channel[0] >= BRIGHT)
     }
 
     /// Whether it is black in a format that changes pixels.

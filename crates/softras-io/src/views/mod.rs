@@ -48,8 +48,8 @@ pub struct Views {
 /// Options for reading views.
 #[derive(Clone, Debug)]
 pub struct ViewsOptions {
-    /// The file of cameras; `None`: the first that the folder has of cameras.json, transforms.json, transforms_train.json, COLMAP's images.txt or images.bin,
-    /// cameras.npz, and Middlebury's `_par.txt`.
+    /// The file of cameras; `None`: the first that the folder has of cameras.json, transforms.json, transforms_train.json, COLMAP's
+    /// images.txt or images.bin, cameras.npz, and Middlebury's `_par.txt`.
     pub cameras: Option<PathBuf>,
     /// The folder of masks, named as the pictures; `None`: the masks that a file of cameras names or that lie beside the pictures.
     pub masks: Option<PathBuf>,

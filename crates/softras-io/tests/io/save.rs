@@ -38,6 +38,30 @@ fn what_a_format_cannot_hold_is_refused() {
     assert!(error.contains(".obj, .ply or .glb"), "{error}");
 }
 
+/// Bytes hold no colour above 1, and a PLY file one normal for each vertex.
+#[test]
+fn what_a_format_changes_is_noted() {
+    let folder = tempfile::tempdir().unwrap();
+    let encoded = |text: &str, file: &str| {
+        let path = folder.path().join("a.obj");
+        std::fs::write(&path, text).unwrap();
+        softras_io::load_with(&path, &softras_io::LoadOptions::default())
+            .unwrap()
+            .encode(folder.path().join(file))
+            .unwrap()
+            .1
+    };
+    let corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 1\nvn 0 0 1\nvn 1 0 0\n";
+    let [smooth, creased] = ["1", "2"].map(|n| format!("{corners}f 1//1 2//1 3//1\nf 2//{n} 4//{n} 3//{n}\n"));
+    assert_eq!(encoded(&smooth, "b.ply"), [""; 0]);
+    assert_eq!(encoded(&creased, "b.glb"), [""; 0]);
+    assert!(encoded(&creased, "b.ply")[0].contains("several normals is written once for each"));
+    let ball = shapes::icosphere(1).unwrap();
+    let bright = Appearance::VertexColors(vec![[1.5, 1.0, 0.0]; ball.positions().len()]);
+    let bright = softras_io::Loaded::from(ball.with_appearance(bright).unwrap());
+    assert_eq!(bright.encode(folder.path().join("b.ply")).unwrap().1, ["colours below 0 or above 1 are cut off"]);
+}
+
 /// A mesh that was read far from 0 is written there again, with all its digits.
 #[test]
 fn a_mesh_is_written_where_it_was_read() {

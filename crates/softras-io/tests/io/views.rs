@@ -237,6 +237,37 @@ fn plain_backgrounds_of_any_colour_are_cut_away() {
 }
 
 #[test]
+fn soft_shadows_on_bright_paper_are_cut_away_and_light_stripes_are_not() {
+    use image::{Rgb, RgbImage};
+    use softras_check::random::Random;
+    let mut random = Random::new(7);
+    let folder = tempfile::tempdir().unwrap();
+    let is_disc = |x: u32, y: u32| (f64::from(x) - 150.0).hypot(f64::from(y) - 110.0) < 60.0;
+    for shadow in [0.0, 0.15] {
+        for ending in ["png", "jpg"] {
+            let mut color = |x: u32, y: u32| {
+                let away = (f64::from(x) - 170.0).powi(2) + (f64::from(y) - 160.0).powi(2);
+                let light = 1.0 - shadow * (-away / 1800.0).exp();
+                let color = match (is_disc(x, y), (100..125).contains(&y)) {
+                    (true, true) => [214.0, 212.0, 206.0],
+                    (true, false) => [190.0, 90.0, 40.0],
+                    _ => [228.0, 226.0, 220.0].map(|paper| light * paper),
+                };
+                Rgb(color.map(|x| (x + random.range(-2.0, 2.0)).round() as u8))
+            };
+            let name = format!("a.{ending}");
+            RgbImage::from_fn(320, 240, &mut color).save(folder.path().join(&name)).unwrap();
+            transforms(folder.path(), &[&name], "");
+            let (views, notes) = read(folder.path());
+            let truth = (0..240).flat_map(|y| (0..320).map(move |x| is_disc(x, y)));
+            let wrong = silhouette(&views).into_iter().zip(truth).filter(|(a, b)| a != b).count();
+            assert!(wrong < 300, "shadow {shadow}, {ending}: {wrong} of 11310 pixels are wrong, {notes:?}");
+            std::fs::remove_file(folder.path().join(&name)).unwrap();
+        }
+    }
+}
+
+#[test]
 fn a_second_surface_at_the_border_is_cut_away_and_shadows_are_kept() {
     use image::{Rgb, RgbImage};
     use softras_check::random::Random;
