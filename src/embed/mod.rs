@@ -24,6 +24,11 @@ pub use pass::rebind::Rebound;
 pub use pass::store::{FrameImage, ImageBindings};
 pub use place::counts::Counts;
 
+#[cfg(feature = "renderer")]
+pub(crate) use pass::Staging;
+#[cfg(feature = "renderer")]
+pub(crate) use pass::memory::{Arena, Copy, GradientLayout};
+
 pub use crate::frame::pack::InputChanges;
 pub use crate::frame::plan::Capacity;
 pub use crate::frame::rasterizer::Rasterizer;

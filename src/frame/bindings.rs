@@ -6,7 +6,7 @@ use crate::frame::buffers::{BufferId, Parts, Sizes, UNUSED_SIZE};
 use crate::frame::passes::{BACKWARD_COUNT, BackwardStages, FORWARD_COUNT, ForwardStages};
 use crate::frame::plan::{Modes, Rare};
 use crate::gradients::GradientRequest;
-use crate::vulkan::{BufferPart, BufferRef, Device, Pipeline, TexelFormat, vk};
+use crate::vulkan::{BufferPart, Device, Pipeline, TexelFormat, vk};
 use std::sync::Arc;
 
 /// One frame's buffers bound to the forward kernels: descriptor sets, buffer views and pipelines. Two frames in flight need
@@ -46,11 +46,11 @@ pub struct GradientBindings {
     frame_ranges: Sizes,
 }
 
-/// The host's buffers, each validated against its requirement.
-pub(crate) fn parts_of_host(
+/// Buffers, each validated against its requirement.
+pub(crate) fn validated_parts(
     device: &Device,
     required: &[BufferRequirement],
-    given: &[(BufferId, BufferRef)],
+    given: &[&(BufferId, BufferPart)],
 ) -> Result<Parts> {
     for (i, (id, _)) in given.iter().enumerate() {
         if !required.iter().any(|r| r.id == *id) {
@@ -69,7 +69,7 @@ pub(crate) fn parts_of_host(
         validate(requirement, at)?;
         // A buffer view must end with a whole texel.
         let at = at.part(0, at.range() - at.range() % id.row().format.bytes())?;
-        let texels = |format| BufferPart::texels_of_host(device, &at, format, id.name());
+        let texels = |format| at.with_texels(device, format, id.name());
         if id == BufferId::Unused {
             for format in TexelFormat::ALL {
                 parts.unused.push((format, texels(format)?));
@@ -77,7 +77,7 @@ pub(crate) fn parts_of_host(
         } else if requirement.usage.contains(vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER) {
             parts.bound.push((id, texels(id.row().format)?));
         } else {
-            parts.bound.push((id, BufferPart::of_host(device, &at)));
+            parts.bound.push((id, at));
         }
     }
     Ok(parts)
@@ -95,7 +95,7 @@ fn host_error<T>(what: String, fix: &str) -> Result<T> {
     Err(Error::Host { what, fix: fix.into() })
 }
 
-fn validate(requirement: &BufferRequirement, at: &BufferRef) -> Result<()> {
+fn validate(requirement: &BufferRequirement, at: &BufferPart) -> Result<()> {
     let BufferRequirement { id, size, alignment, usage, .. } = requirement;
     let range = if *id == BufferId::Unused { at.range().min(UNUSED_SIZE) } else { at.range() };
     if vk::Handle::is_null(at.raw()) {

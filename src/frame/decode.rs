@@ -29,7 +29,7 @@ pub struct Decoder<'a> {
 }
 
 /// Gives the first floats of a buffer, from its id and their number.
-type ReadFloats<'a> = &'a dyn Fn(BufferId, usize) -> Result<&'a [f32]>;
+pub(crate) type ReadFloats<'a> = &'a dyn Fn(BufferId, usize) -> Result<&'a [f32]>;
 
 impl Decoder<'_> {
     pub(crate) fn decode_floats(&self, floats: ReadFloats<'_>) -> Result<Gradients> {

@@ -159,18 +159,14 @@ fn validate_features(shape: &FrameShape, settings: &Settings) -> Result<()> {
 }
 
 impl FramePlan {
-    /// Plans a frame of this shape with these settings for a device of these limits. It needs no device.
+    /// Plans a frame of this shape with these settings for a device of these limits, with a choice of the rarely needed kernels. It
+    /// needs no device. The other kernels are neither compiled nor recorded;
+    /// [`Status::next`](super::status::Status::next) says whether the frame is complete without them.
     ///
     /// # Errors
     /// [`Error::Scene`], [`Error::Settings`], [`Error::Light`] for invalid input, [`Error::Limit`] for a frame that exceeds
     /// what this device supports.
-    pub fn new(limits: &Limits, kind: DeviceKind, shape: &FrameShape, settings: &Settings) -> Result<Self> {
-        Self::of(limits, kind, shape, settings, Rare::ALL)
-    }
-
-    /// Plans a frame as [`new`](Self::new) does, with a choice of the rarely needed kernels. The others are neither compiled nor
-    /// recorded; [`Status::next`](super::status::Status::next) says whether the frame is complete without them.
-    pub(crate) fn of(
+    pub(crate) fn new(
         limits: &Limits,
         kind: DeviceKind,
         shape: &FrameShape,
@@ -209,14 +205,11 @@ impl FramePlan {
         Ok(Self { forward, layouts, tables, shape: shape.clone(), buffers, capacity, limits: *limits })
     }
 
-    /// The push constants with other settings and lights. Allocates only for an error.
-    ///
-    /// # Errors
-    /// [`Error::Host`] where these need other kernels.
-    pub(crate) fn push_with(&self, settings: &Settings, cutoff: f64, lights: &Lights) -> Result<FramePush> {
+    /// The push constants with other settings and lights; `None` where these need other kernels. Allocates only for an error.
+    pub(crate) fn push_with(&self, settings: &Settings, cutoff: f64, lights: &Lights) -> Result<Option<FramePush>> {
         settings.validate()?;
         validate_cutoff(cutoff)?;
-        let push = self.forward.push_with(&PlanInput {
+        Ok(self.forward.push_with(&PlanInput {
             settings,
             cutoff,
             views: &[],
@@ -230,11 +223,7 @@ impl FramePlan {
             save: settings.save,
             loop_passes: self.forward.modes.loop_passes,
             rare: self.forward.rare,
-        });
-        push.ok_or_else(|| Error::Host {
-            what: "outputs, modes, shading or the number of lights are others than were planned".into(),
-            fix: "plan and rebind".into(),
-        })
+        }))
     }
 
     /// The buffers that it needs, in no particular order.
@@ -265,12 +254,6 @@ impl FramePlan {
 
     pub(crate) fn has_silhouette(&self) -> bool {
         self.forward.modes.outputs & crate::constants::OUTPUT_SILHOUETTE != 0
-    }
-
-    /// Whether it was made for this shape and these kernels.
-    #[cfg(feature = "renderer")]
-    pub(crate) fn is_of(&self, shape: &FrameShape, rare: Rare) -> bool {
-        self.shape == *shape && self.forward.rare == rare
     }
 
     /// The content of the buffer `view_shapes`: for each view its mesh, and its ranges in the frame's buffers
@@ -365,11 +348,6 @@ impl GradientPlan {
     /// The buffers that it needs beyond the frame's.
     pub fn buffers(&self) -> &[BufferRequirement] {
         &self.buffers
-    }
-
-    /// The requirement of one buffer; `None` if the gradients do not need it beyond the frame's.
-    pub fn buffer(&self, id: BufferId) -> Option<&BufferRequirement> {
-        self.buffers.iter().find(|b| b.id == id)
     }
 
     /// Units per 1.0 of the 64-bit sums in `texel_sums`: the gradient is the signed sum divided by this.
@@ -480,7 +458,7 @@ mod tests {
             let shape = FrameShape { depth_span, opacity, capacity, device_counts, lights: Lights::official(), ..shape(meshes, views) };
             let settings = Settings { width: size, height: 16384 / size, save, ..Settings::default() };
             for limits in [&LIMITED, &UNLIMITED] {
-                let Ok(plan) = FramePlan::new(limits, DeviceKind::Discrete, &shape, &settings) else { continue };
+                let Ok(plan) = FramePlan::new(limits, DeviceKind::Discrete, &shape, &settings, Rare::ALL) else { continue };
                 prop_assert_eq!(plan.view_shapes().len(), views as usize);
                 let (upstream, wanted) = (settings.outputs, GradientRequest::ALL);
                 let gradients = GradientPlan::new(&plan, &Differentiate { upstream, wanted, largest_upstream: 1.0 });
@@ -495,7 +473,7 @@ mod tests {
         let plan = |views: u32| {
             let (appearance, normals, features) = (AppearanceShape::Uniform, false, 0);
             let mesh = MeshShape { vertices: 3, triangles: 4_000_000, most_corners: 3, appearance, normals, features };
-            FramePlan::new(&UNLIMITED, DeviceKind::Discrete, &shape(vec![mesh], views), &Settings::default())
+            FramePlan::new(&UNLIMITED, DeviceKind::Discrete, &shape(vec![mesh], views), &Settings::default(), Rare::ALL)
         };
         // Nine texels a triangle: 36 million a view.
         assert!(plan(59).is_ok());

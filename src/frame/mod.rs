@@ -7,7 +7,7 @@
 //!    runs, and the push and specialization constants. [`frame_plan`] checks them against a device's limits. Neither needs a
 //!    device.
 //! 3. [`buffers`] is the one table of buffers: the id, element format, usage and size of each. Buffers of any owner are
-//!    found by these ids; where softras owns them itself, they are kept here and grow when a plan needs more.
+//!    found by these ids.
 //! 4. [`pack`] lays out a scene, its cameras and its lights as the bytes that the kernels read, and finds which tables
 //!    differ from those of the last frame, so that only these are uploaded.
 //! 5. [`pipelines`] compiles the kernels for the specialization constants of a plan and keeps them for later frames.
@@ -16,7 +16,7 @@
 //! 7. [`status`] tells from a frame's own words whether it is complete, and what the next one needs. [`decode`] turns the
 //!    buffers of a backward pass into gradients.
 //!
-//! [`crate::embed`] drives these parts with buffers and command buffers of a host, [`crate::Renderer`] with its own.
+//! A pass of [`crate::embed`] drives these parts, with buffers and command buffers of a host or, for [`crate::Renderer`], of softras' own.
 
 pub mod bindings;
 pub mod buffers;

@@ -9,8 +9,6 @@ use crate::constants as c;
 use crate::error::{Error, Result};
 use crate::vulkan::{Device, HostDevice, Pipeline, PipelineCache, Recorder, TimestampPool};
 use std::sync::{Arc, Mutex, PoisonError};
-#[cfg(feature = "renderer")]
-use {super::plan::Rare, super::shape::FrameShape, crate::scene::Settings};
 
 /// The kernels on a device, from which frames are planned, bound and recorded. It owns no memory, no queue and no command
 /// buffer.
@@ -58,12 +56,6 @@ impl Rasterizer {
         }
         self.lanes = lanes;
         Ok(self)
-    }
-
-    /// A plan for a program that looks at the status of every frame: see [`FramePlan::of`].
-    #[cfg(feature = "renderer")]
-    pub(crate) fn plan_with(&self, shape: &FrameShape, settings: &Settings, rare: Rare) -> Result<FramePlan> {
-        FramePlan::of(self.device.limits(), self.device.kind(), shape, settings, rare)
     }
 
     pub(crate) fn bind_parts(&self, plan: &FramePlan, parts: Parts) -> Result<FrameBindings> {

@@ -1,17 +1,16 @@
 //! Backward of the simple API: from dL/dimages to the gradients by the scene, the cameras and the settings.
 
+use super::memory::Region;
 use super::pixels;
-use super::shared::Shared;
-use super::slot::{Saved, Slot};
+use super::slot::{Slot, region_of};
 use super::{Frame, Renderer, StageTime};
+use crate::embed::{GradientLayout, Pass, PassPlan};
 use crate::error::{Error, Result};
-use crate::frame::buffers::{BufferId, Role};
-use crate::frame::decode::Decoder;
-use crate::frame::frame_plan::{Differentiate, FramePlan, GradientPlan};
+use crate::frame::buffers::BufferId;
+use crate::frame::frame_plan::{Differentiate, GradientPlan};
 use crate::gradients::{GradientRequest, Gradients, ImageGradient};
 use crate::image::Image;
-use crate::scene::Settings;
-use std::sync::Arc;
+use crate::vulkan::{Context, Recorder};
 
 fn refused<T>(what: &str, fix: &str) -> Result<T> {
     Err(Error::Backward { what: what.into(), fix: fix.into() })
@@ -34,12 +33,23 @@ impl Renderer {
         let Some(at) = self.slots.iter().position(|slot| slot.is_owned_by(owner)) else {
             return refused("another renderer made the frame", "differentiate a frame with the renderer that made it");
         };
-        let Some(saved) = self.slots[at].saved.take() else {
-            return refused("the frame's saved state is gone", "render it again");
+        let plan = &self.slots[at].pass()?.plan;
+        let (settings, views, channels) = (&plan.settings, plan.cameras.len(), plan.frame.shape.features() as usize);
+        let (width, height) = (settings.width as usize, settings.height as usize);
+        upstream.validate(settings.outputs, views, height, width, channels)?;
+        self.bind_gradients(at, &self.slots[at].differentiate(upstream, wanted)?)?;
+        let slot = &mut self.slots[at];
+        slot.write_upstream(upstream)?;
+        let Slot { pass: Some(pass), backward, .. } = slot else {
+            return refused("the frame's pass is gone", "render it again");
         };
-        let result = self.backward_saved(at, &saved, upstream, wanted);
-        self.slots[at].saved = Some(saved);
-        result
+        let push = pass.gradient_plan()?.backward.push;
+        let work = |recorder: &mut Recorder<'_>, times: Option<&_>| pass.record_backward_with(recorder, times);
+        backward.commands.prepare(push, self.timed, work)?;
+        backward.commands.buffer.submit_and_wait()?;
+        self.backward_timings = backward.commands.timings()?;
+        let contents = backward.memory.contents()?;
+        pass.decode(wanted, &|id, count| contents.floats(id, count))
     }
 
     /// Device time of every stage of the latest backward pass, in order; 0 for a stage that was not needed. Empty unless
@@ -48,94 +58,90 @@ impl Renderer {
         &self.backward_timings
     }
 
-    fn backward_saved(
-        &mut self,
-        at: usize,
-        saved: &Saved,
-        upstream: &ImageGradient,
-        wanted: &GradientRequest,
-    ) -> Result<Gradients> {
-        let s = &saved.settings;
-        let (width, height) = (s.width as usize, s.height as usize);
-        let channels = saved.plan.shape.features() as usize;
-        upstream.validate(s.outputs, saved.cameras.len(), height, width, channels)?;
-        let plan = self.slots[at].plan_backward(&saved.plan, s, upstream, wanted)?;
-        self.make_room(at, &[saved.plan.buffers(), plan.buffers()].concat(), true)?;
-        let slot = &mut self.slots[at];
-        slot.write_upstream(upstream)?;
-        slot.prepare_backward(&self.shared, &plan, wanted, self.timed)?;
-        slot.backward.commands.submit_and_wait()?;
-        self.backward_timings = slot.backward.timings(self.timed)?;
-        let decoder = Decoder {
-            frame: &saved.plan,
-            plan: &plan,
-            wanted,
-            tables: &slot.inputs.tables,
-            cameras: &saved.cameras,
-            settings: &saved.settings,
-            lights: &saved.lights,
-        };
-        let contents = slot.buffers.contents()?;
-        decoder.decode_floats(&|id, count| contents.floats(id, count))
+    /// Makes room for gradients and binds them, unless the frame's pass has just these.
+    fn bind_gradients(&mut self, at: usize, differentiate: &Differentiate) -> Result<()> {
+        if self.slots[at].backward.bound.as_ref() == Some(differentiate) {
+            return Ok(());
+        }
+        let plan = &self.slots[at].pass()?.plan;
+        let planned = plan.plan_gradients(differentiate)?;
+        if plan.gradients.as_ref() == Some(&planned.0) {
+            self.slots[at].note_gradients(differentiate);
+            return Ok(());
+        }
+        let needed = region_of(plan).bytes() + gradient_region(&planned.1).bytes();
+        let held = self.slots[at].bytes_with_gradients(&planned.1);
+        if self.make_room(at, needed, held)? {
+            self.slots[at].release_gradients();
+        }
+        match self.slots[at].bind_gradients(&self.shared.context, differentiate, planned.clone()) {
+            Err(Error::OutOfMemory { .. }) if self.release_free(at) => {
+                self.slots[at].bind_gradients(&self.shared.context, differentiate, planned)
+            }
+            result => result,
+        }
     }
 }
 
+/// The memory that gradients need beyond the frame's.
+fn gradient_region(layout: &GradientLayout) -> Region<'_> {
+    let staging = [layout.upload_size, layout.readback_end];
+    Region { arenas: &layout.arenas, inputs: layout.upstream.clone(), outputs: &layout.outputs, staging }
+}
+
 impl Slot {
-    /// The last plan if nothing that it depends on has changed, else a new one.
-    fn plan_backward(
+    /// The gradients to plan for an upstream gradient.
+    fn differentiate(&self, upstream: &ImageGradient, wanted: &GradientRequest) -> Result<Differentiate> {
+        let pass = self.pass()?;
+        let largest_upstream = if wanted.texels { largest_upstream(pass, upstream) } else { 0.0 };
+        Ok(Differentiate { upstream: upstream.outputs(), wanted: *wanted, largest_upstream })
+    }
+
+    /// Bytes on the device once its pass is bound for gradients.
+    fn bytes_with_gradients(&self, layout: &GradientLayout) -> u64 {
+        self.bytes() - self.backward.memory.bytes() + self.backward.memory.bytes_with(&gradient_region(layout))
+    }
+
+    /// Binds its pass for gradients in memory that is large enough.
+    fn bind_gradients(
         &mut self,
-        frame: &Arc<FramePlan>,
-        settings: &Settings,
-        upstream: &ImageGradient,
-        wanted: &GradientRequest,
-    ) -> Result<Arc<GradientPlan>> {
-        let largest = |image: &Image| f64::from(image.data.iter().fold(0.0f32, |m, &x| m.max(x.abs())));
-        let differentiate = Differentiate {
-            upstream: upstream.outputs(),
-            wanted: *wanted,
-            largest_upstream: if !wanted.texels {
-                0.0
-            } else if frame.forward.modes.opacity != 0 {
-                let of = |image: &Option<Image>| image.as_ref().map_or(0.0, largest);
-                let texels = self.inputs.tables.texels.iter().flatten().map(|x| f64::from(x.abs()));
-                let brightest = settings.background_color.iter().map(|x| x.abs()).chain(texels).fold(1.0, f64::max);
-                let shaded = (of(&upstream.color) * brightest).max(of(&upstream.depth) * settings.far);
-                let features = self.inputs.tables.features.iter().flatten().map(|x| f64::from(x.abs()));
-                let channels = upstream.features.as_ref().map_or(0, |features| features.channels) as f64;
-                let features = of(&upstream.features) * channels * features.fold(0.0, f64::max);
-                shaded.max(of(&upstream.silhouette)).max(of(&upstream.normal)).max(features)
-            } else {
-                upstream.color.as_ref().map_or(0.0, largest)
-            },
-        };
-        if let Some((planned_for, d, plan)) = &self.backward.planned
-            && *d == differentiate
-            && (Arc::ptr_eq(planned_for, frame) || planned_for == frame)
-        {
-            return Ok(plan.clone());
-        }
-        let plan = Arc::new(GradientPlan::new(frame, &differentiate)?);
-        self.backward.planned = Some((frame.clone(), differentiate, plan.clone()));
-        Ok(plan)
+        context: &Context,
+        differentiate: &Differentiate,
+        planned: (GradientPlan, GradientLayout),
+    ) -> Result<()> {
+        self.unbind_gradients();
+        let Some(pass) = &mut self.pass else { return refused("the frame's pass is gone", "render it again") };
+        let memory = &mut self.backward.memory;
+        // Upstream gradients are written for each pass.
+        let _ = memory.reserve(context, &gradient_region(&planned.1))?;
+        pass.bind_gradients(planned, memory.parts()?, memory.staging())?;
+        self.note_gradients(differentiate);
+        Ok(())
+    }
+
+    /// Notes which gradients its pass is bound for.
+    fn note_gradients(&mut self, differentiate: &Differentiate) {
+        self.backward.bound = Some(*differentiate);
+        self.pass.iter_mut().for_each(|pass| pass.plan.builder.largest_upstream = differentiate.largest_upstream);
     }
 
     fn write_upstream(&mut self, upstream: &ImageGradient) -> Result<()> {
         let alpha = upstream.silhouette.as_ref();
         if let Some(color) = &upstream.color {
             let from = color.data.as_chunks::<3>().0;
-            let mut bytes = self.buffers.bytes_mut(BufferId::UpstreamColor, 16 * from.len())?;
+            let mut bytes = self.backward.memory.bytes_mut(BufferId::UpstreamColor, 16 * from.len())?;
             let texels = bytemuck::cast_slice_mut(&mut bytes);
             pixels::join(texels, from, alpha.map(|alpha| &alpha.data[..]));
         } else if let Some(alpha) = alpha {
-            self.buffers.write(BufferId::UpstreamSilhouette, bytemuck::cast_slice(&alpha.data))?;
+            self.backward.memory.write(BufferId::UpstreamSilhouette, bytemuck::cast_slice(&alpha.data))?;
         }
         if let Some(depth) = &upstream.depth {
-            self.buffers.write(BufferId::UpstreamDepths, bytemuck::cast_slice(&depth.data))?;
+            self.backward.memory.write(BufferId::UpstreamDepths, bytemuck::cast_slice(&depth.data))?;
         }
         if let Some(features) = &upstream.features {
             let stride = features.channels.next_multiple_of(4);
             let pixels = features.data.chunks_exact(features.channels);
-            let mut bytes = self.buffers.bytes_mut(BufferId::UpstreamFeatures, 4 * stride * pixels.len())?;
+            let mut bytes = self.backward.memory.bytes_mut(BufferId::UpstreamFeatures, 4 * stride * pixels.len())?;
             let floats: &mut [f32] = bytemuck::cast_slice_mut(&mut bytes);
             for (to, from) in floats.chunks_exact_mut(stride).zip(pixels) {
                 to[..from.len()].copy_from_slice(from);
@@ -144,59 +150,26 @@ impl Slot {
         }
         if let Some(normal) = &upstream.normal {
             let from = normal.data.as_chunks::<3>().0;
-            let mut bytes = self.buffers.bytes_mut(BufferId::UpstreamNormals, 16 * from.len())?;
+            let mut bytes = self.backward.memory.bytes_mut(BufferId::UpstreamNormals, 16 * from.len())?;
             pixels::join(bytemuck::cast_slice_mut(&mut bytes), from, None);
         }
         Ok(())
     }
+}
 
-    /// Records the pass's commands unless they are recorded already.
-    fn prepare_backward(
-        &mut self,
-        shared: &Shared,
-        plan: &Arc<GradientPlan>,
-        wanted: &GradientRequest,
-        timed: bool,
-    ) -> Result<()> {
-        let same = |recorded: &Arc<GradientPlan>| Arc::ptr_eq(recorded, plan) || recorded == plan;
-        if self.backward.recorded.as_ref().is_some_and(|(recorded, _, times)| *times == timed && same(recorded)) {
-            return Ok(());
-        }
-        let Some((_, frame, _)) = &self.recorded else {
-            return refused("the frame's commands are gone", "render it again");
-        };
-        let parts = self.buffers.parts(plan.buffers().iter().map(|b| b.id))?;
-        let bindings = shared.rasterizer.bind_backward_parts(plan, &parts, frame)?;
-        let (rasterizer, buffers) = (&shared.rasterizer, &self.buffers);
-        let times = self.backward.times.as_ref().filter(|_| timed);
-        self.backward.recorded = None;
-        self.backward.commands.record(|recorder| {
-            if let Some(times) = times {
-                recorder.reset_timestamps(times)?;
-            }
-            for (id, buffer) in buffers.shared() {
-                if id.row().role == Role::Input && plan.buffer(id).is_some() {
-                    buffer.record_upload(recorder)?;
-                }
-            }
-            rasterizer.backward(recorder, plan, &bindings, times)?;
-            for (id, buffer) in buffers.shared() {
-                let read = match id {
-                    BufferId::CornerGradients => wanted.uvs,
-                    BufferId::TexelSums => wanted.texels,
-                    BufferId::VertexGradients => wanted.positions || wanted.colors,
-                    BufferId::FeatureGradients => wanted.features,
-                    BufferId::Totals => true,
-                    _ => false,
-                };
-                if read {
-                    buffer.record_download(recorder)?;
-                }
-            }
-            recorder.barrier_to_host();
-            Ok(())
-        })?;
-        self.backward.recorded = Some((plan.clone(), bindings, timed));
-        Ok(())
-    }
+/// The bound of the upstream gradients that the fixed point of texels' sums needs: see [`Differentiate::largest_upstream`].
+fn largest_upstream(pass: &Pass, upstream: &ImageGradient) -> f64 {
+    let largest = |image: &Image| f64::from(image.data.iter().fold(0.0f32, |m, &x| m.max(x.abs())));
+    let of = |image: &Option<Image>| image.as_ref().map_or(0.0, largest);
+    let PassPlan { frame, settings, .. } = &pass.plan;
+    let Some(tables) = pass.scene.as_ref().filter(|_| frame.forward.modes.opacity != 0) else {
+        return of(&upstream.color);
+    };
+    let texels = tables.texels.iter().flatten().map(|x| f64::from(x.abs()));
+    let brightest = settings.background_color.iter().map(|x| x.abs()).chain(texels).fold(1.0, f64::max);
+    let shaded = (of(&upstream.color) * brightest).max(of(&upstream.depth) * settings.far);
+    let features = tables.features.iter().flatten().map(|x| f64::from(x.abs()));
+    let channels = upstream.features.as_ref().map_or(0, |features| features.channels) as f64;
+    let features = of(&upstream.features) * channels * features.fold(0.0, f64::max);
+    shaded.max(of(&upstream.silhouette)).max(of(&upstream.normal)).max(features)
 }

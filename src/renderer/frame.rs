@@ -1,8 +1,9 @@
 //! A rendered batch with its images, timings and counts.
 
+use super::memory::Contents;
 use super::pixels::{self, Spare};
 use crate::error::{Error, Result};
-use crate::frame::buffers::{BufferId, Contents};
+use crate::frame::buffers::BufferId;
 use crate::image::Image;
 #[cfg(doc)]
 use crate::scene::Outputs;

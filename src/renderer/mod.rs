@@ -1,21 +1,21 @@
 //! The simple API: a renderer that owns its device, and renders scenes to images and back to gradients.
 
 mod backward;
+mod commands;
 mod fragments;
 mod frame;
-mod inputs;
+mod memory;
 pub mod parts;
 mod pixels;
 mod shared;
 mod slot;
-mod upload;
 
 pub use fragments::{Fragment, Fragments};
 pub use frame::{Frame, FrameCounts, StageTime};
 
 use crate::constants as c;
+use crate::embed::PassPlan;
 use crate::error::{Error, Result};
-use crate::frame::frame_plan::{BufferRequirement, FramePlan};
 use crate::frame::plan::{Capacity, Rare};
 use crate::frame::rasterizer::Rasterizer;
 use crate::frame::shape::FrameShape;
@@ -23,8 +23,7 @@ use crate::scene::{Camera, Scene, Settings};
 use crate::vulkan::{CacheFolder, Context, ContextOptions, DeviceInfo, DeviceKind, Loader};
 use pixels::Spare;
 use shared::Shared;
-use slot::{Saved, Slot};
-use std::sync::Arc;
+use slot::{Slot, region_of};
 
 /// How to open a renderer.
 #[derive(Clone, Debug, Default)]
@@ -153,7 +152,7 @@ impl Renderer {
 
     /// Bytes of device memory that the renderer holds.
     pub fn device_bytes(&self) -> u64 {
-        self.slots.iter().map(|slot| slot.buffers.bytes()).sum()
+        self.slots.iter().map(Slot::bytes).sum()
     }
 
     /// Turns timings of the stages on or off for the following frames ([`Frame::timings`],
@@ -173,9 +172,9 @@ impl Renderer {
         Ok(FrameCounts {
             list_entries: needed.list.into(),
             forward_pairs: u64::from(needed.list) * u64::from(c::TILE_WIDTH * c::TILE_HEIGHT),
-            uploaded_bytes: slot.uploads.bytes,
-            dispatches: slot.commands.dispatches(),
-            backward_dispatches: slot.backward.commands.dispatches(),
+            uploaded_bytes: slot.uploaded_bytes,
+            dispatches: slot.commands.buffer.dispatches(),
+            backward_dispatches: slot.backward.commands.buffer.dispatches(),
         })
     }
 
@@ -193,33 +192,27 @@ impl Renderer {
         let kind = kind_of(&shape, settings);
         let kept = self.capacities.iter().find(|(of, _)| *of == kind).map(|(_, capacity)| *capacity);
         shape.capacity = kept.map(|kept| kept.max(Capacity::estimate(settings, shape.cutoff, &shape.view_sizes())));
-        let mut plan = self.plan(&shape, settings)?;
-        self.latest = self.free_slot(&plan, settings)?;
+        let at = self.slot_for(&shape, cameras, settings)?;
+        self.latest = at;
         loop {
-            self.slots[self.latest].take(&plan, settings);
-            self.make_room(self.latest, plan.buffers(), false)?;
-            let slot = &mut self.slots[self.latest];
-            let status = slot.execute(&self.shared, scene, cameras, settings, &plan, self.timed)?;
-            let next = status.next(&plan)?;
+            let status = self.slots[at].execute(scene, self.timed)?;
+            let plan = &self.slots[at].pass()?.plan;
+            let next = status.next(&plan.frame)?;
             if next.is_complete {
                 // The next frame of this kind has room for what this one needed.
                 self.keep_capacity(kind, kept.map_or(next.capacity, |kept| kept.max(next.capacity)));
                 break;
             }
-            (self.rare, shape.capacity) = (next.rare, Some(next.capacity));
-            plan = self.plan(&shape, settings)?;
+            self.rare = next.rare;
+            let larger = plan.with_room(next.capacity, next.rare)?;
+            self.bind(at, &larger)?;
         }
-        let slot = &mut self.slots[self.latest];
+        let slot = &mut self.slots[at];
         slot.finished = true;
-        let (contents, timings) = (slot.buffers.contents()?, slot.timings(self.timed)?);
-        let channels = plan.shape.features() as usize;
+        let (contents, timings) = (slot.contents()?, slot.commands.timings()?);
+        let channels = shape.features() as usize;
         let mut frame = Frame::download(&contents, cameras.len(), settings, channels, timings, &self.spare)?;
-        drop(contents);
-        if !settings.save {
-            return Ok(frame);
-        }
-        let lights = scene.lights.clone();
-        frame.owner = Some(slot.save(Saved { plan, cameras: cameras.to_vec(), settings: settings.clone(), lights }));
+        frame.owner = settings.save.then(|| slot.owner());
         Ok(frame)
     }
 
@@ -232,12 +225,6 @@ impl Renderer {
         self.render(scene, cameras, &Settings { save: true, ..settings.clone() })
     }
 
-    /// The plan of a slot if nothing that it depends on has changed, else a new one.
-    fn plan(&self, shape: &FrameShape, settings: &Settings) -> Result<Arc<FramePlan>> {
-        let known = self.slots.iter().find_map(|slot| slot.plan_of(shape, settings, self.rare).cloned());
-        known.map_or_else(|| self.shared.rasterizer.plan_with(shape, settings, self.rare).map(Arc::new), Ok)
-    }
-
     fn keep_capacity(&mut self, kind: Kind, capacity: Capacity) {
         self.capacities.retain(|(of, _)| *of != kind);
         if self.capacities.len() == KINDS {
@@ -246,73 +233,80 @@ impl Renderer {
         self.capacities.push((kind, capacity));
     }
 
-    /// The slot for the next frame, which no living frame owns: one that held a frame of the same plan, if there is one. A frame
-    /// that is to be saved takes none whose memory is much larger than it needs.
-    fn free_slot(&mut self, plan: &Arc<FramePlan>, settings: &Settings) -> Result<usize> {
+    /// A slot for the next frame, which no living frame owns, bound to a plan of it: one whose plan it already is, if there is one. A
+    /// frame that is to be saved takes no slot whose memory is much larger than it needs.
+    fn slot_for(&mut self, shape: &FrameShape, cameras: &[Camera], settings: &Settings) -> Result<usize> {
         self.rendered += 1;
-        let most = if settings.save { 4 * bytes_of(plan.buffers()) + (1 << 20) } else { u64::MAX };
-        let free = |slot: &Slot| slot.is_free() && slot.buffers.bytes() <= most;
-        let same = |slot: &Slot| free(slot) && slot.is_planned(plan);
-        let found = self.slots.iter().position(same).or_else(|| self.slots.iter().position(free));
-        let at = found.map_or_else(
-            || {
+        let most = |plan: &PassPlan| if settings.save { 4 * region_of(plan).bytes() + (1 << 20) } else { u64::MAX };
+        let is_free = |slot: &Slot, plan: &PassPlan| slot.is_free() && slot.bytes() <= most(plan);
+        for at in 0..self.slots.len() {
+            let slot = &mut self.slots[at];
+            let free = slot.pass.as_ref().is_some_and(|pass| is_free(slot, &pass.plan));
+            if free && slot.take(shape, cameras, settings, self.rare)? {
+                self.use_slot(at);
+                return Ok(at);
+            }
+        }
+        let plan = self.shared.rasterizer.plan_frame(shape, cameras, settings, self.rare)?;
+        let at = match self.slots.iter().position(|slot| is_free(slot, &plan)) {
+            Some(at) => at,
+            None => {
                 self.slots.push(Slot::new(&self.shared.context)?);
-                Ok(self.slots.len() - 1)
-            },
-            Ok,
-        )?;
+                self.slots.len() - 1
+            }
+        };
+        self.use_slot(at);
+        self.bind(at, &plan)?;
+        Ok(at)
+    }
+
+    /// Notes that a slot is used. A loop that keeps several frames alive reuses its slots in each turn; those that it no longer uses
+    /// give up their memory.
+    fn use_slot(&mut self, at: usize) {
         self.slots[at].used = self.rendered;
-        // A loop that keeps several frames alive reuses its slots in each turn. Slots that it no longer uses give up
-        // their memory.
         let recently = self.rendered.saturating_sub(2 * self.slots.len() as u64);
         self.slots.iter_mut().filter(|slot| slot.is_free() && slot.used < recently).for_each(Slot::release);
         while self.slots.last().is_some_and(|slot| slot.is_free() && slot.used < recently) {
             self.slots.pop();
         }
-        Ok(at)
     }
 
-    /// Makes room for all buffers of a frame in its slot, or for those of its backward pass beside them. If there is too little
-    /// memory, the slots of dropped frames give up theirs, and then this slot what is larger than needed.
-    fn make_room(&mut self, at: usize, needed: &[BufferRequirement], backward: bool) -> Result<()> {
-        let others = |renderer: &Self, living: bool| -> u64 {
-            let others = (0..).zip(&renderer.slots).filter(|(i, slot)| *i != at && !(living && slot.is_free()));
-            others.map(|(_, slot)| slot.buffers.bytes()).sum()
-        };
-        self.shared.validate_memory(bytes_of(needed), others(self, true))?;
-        let held = |renderer: &Self| {
-            let buffers = &renderer.slots[at].buffers;
-            let growth: u64 = needed.iter().map(|needed| buffers.growth(needed.id, needed.size)).sum();
-            others(renderer, false) + buffers.bytes() + growth
-        };
-        let most = self.shared.memory.unwrap_or(u64::MAX);
-        if held(self) > most {
-            self.release_free(at);
+    /// Binds a slot to a plan, for which it makes room.
+    fn bind(&mut self, at: usize, plan: &PassPlan) -> Result<()> {
+        let held = self.slots[at].bytes_with(plan);
+        if self.make_room(at, region_of(plan).bytes(), held)? {
+            self.slots[at].release();
         }
-        if held(self) > most {
-            self.slots[at].shrink(backward);
-        }
-        match self.slots[at].make_room(&self.shared.context, needed, backward) {
-            Err(Error::OutOfMemory { .. }) if self.release_free(at) => {
-                self.slots[at].make_room(&self.shared.context, needed, backward)
-            }
+        match self.slots[at].bind(&self.shared, plan.clone()) {
+            Err(Error::OutOfMemory { .. }) if self.release_free(at) => self.slots[at].bind(&self.shared, plan.clone()),
             result => result,
         }
+    }
+
+    /// Keeps the limit of memory: a frame needs `needed` bytes, and its slot is to hold `held`. If that is too much, the slots of dropped
+    /// frames give up theirs. Returns whether this slot must give up what is larger than needed as well.
+    fn make_room(&mut self, at: usize, needed: u64, held: u64) -> Result<bool> {
+        let others = |renderer: &Self, living: bool| -> u64 {
+            let others = (0..).zip(&renderer.slots).filter(|(i, slot)| *i != at && !(living && slot.is_free()));
+            others.map(|(_, slot)| slot.bytes()).sum()
+        };
+        self.shared.validate_memory(needed, others(self, true))?;
+        let most = self.shared.memory.unwrap_or(u64::MAX);
+        if others(self, false) + held > most {
+            self.release_free(at);
+        }
+        Ok(others(self, false) + held > most)
     }
 
     /// Frees the memory of every slot whose frame was dropped, except slot `but`. Returns whether any was freed.
     fn release_free(&mut self, but: usize) -> bool {
         let mut any = false;
         for (_, slot) in self.slots.iter_mut().enumerate().filter(|(i, slot)| *i != but && slot.is_free()) {
-            any |= slot.buffers.bytes() > 0;
+            any |= slot.bytes() > 0;
             slot.release();
         }
         any
     }
-}
-
-fn bytes_of(buffers: &[BufferRequirement]) -> u64 {
-    buffers.iter().map(|buffer| buffer.size).sum()
 }
 
 /// Frames that are expected to need as much room for lists: of the same size, with as many views and triangles.

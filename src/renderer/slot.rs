@@ -1,63 +1,27 @@
-//! The device's state of one frame: its buffers, its commands, and which inputs the device has already.
+//! The renderer's state of one frame: a pass with its memory and commands, and which inputs the device has already.
 
-use super::frame::StageTime;
-use super::inputs::Inputs;
+use super::commands::Commands;
+use super::memory::{Memory, Region};
 use super::shared::Shared;
-use super::upload::Uploads;
-use crate::error::Result;
-use crate::frame::bindings::{FrameBindings, GradientBindings};
-use crate::frame::buffers::{BufferId, BufferSet, Role};
-use crate::frame::frame_plan::{BufferRequirement, Differentiate, FramePlan, GradientPlan};
-use crate::frame::pack::InputChanges;
-use crate::frame::passes::{BACKWARD_TIMESTAMPS, BackwardStage, FORWARD_TIMESTAMPS, ForwardStage};
+use crate::embed::{Pass, PassPlan};
+use crate::error::{Error, Result};
+use crate::frame::buffers::BufferId;
+use crate::frame::frame_plan::Differentiate;
+use crate::frame::pack::{InputChanges, MeshTables, ViewInputs};
+use crate::frame::passes::{BACKWARD_COUNT, BackwardStage, FORWARD_COUNT, ForwardStage};
 use crate::frame::plan::Rare;
 use crate::frame::shape::FrameShape;
 use crate::frame::status::Status;
-use crate::scene::{Camera, Lights, Scene, Settings};
-use crate::vulkan::{CommandBuffer, Context, TimestampPool};
+use crate::scene::{Camera, Scene, Settings};
+use crate::vulkan::{CommandBuffer, Context};
 use std::sync::Arc;
 
-/// The input of a saved frame. Its buffers and tables are its slot's.
-pub(super) struct Saved {
-    pub plan: Arc<FramePlan>,
-    pub cameras: Vec<Camera>,
-    pub settings: Settings,
-    pub lights: Lights,
-}
-
-/// The plan and the commands of backward, kept from pass to pass.
+/// The memory and the commands of a frame's gradients, kept from one backward pass to the next.
 pub(super) struct Backward {
-    /// The latest plan, and the input that it was made for.
-    pub planned: Option<(Arc<FramePlan>, Differentiate, Arc<GradientPlan>)>,
-    /// The plan of the recorded commands, and whether they are timed.
-    pub recorded: Option<(Arc<GradientPlan>, GradientBindings, bool)>,
-    pub commands: CommandBuffer,
-    pub times: Option<TimestampPool>,
-}
-
-impl Backward {
-    pub(super) fn new(context: &Context) -> Result<Self> {
-        Ok(Self {
-            planned: None,
-            recorded: None,
-            commands: CommandBuffer::new(context, "softras backward")?,
-            times: TimestampPool::new(context.device(), context.queue_family(), BACKWARD_TIMESTAMPS)?,
-        })
-    }
-
-    /// Forgets the recorded commands, whose buffers were replaced.
-    pub(super) fn forget(&mut self) {
-        self.recorded = None;
-    }
-
-    /// The stages' times of the latest pass; empty without timestamps.
-    pub(super) fn timings(&self, timed: bool) -> Result<Vec<StageTime>> {
-        let Some(times) = self.times.as_ref().filter(|_| timed) else {
-            return Ok(Vec::new());
-        };
-        let stamps = times.read(BACKWARD_TIMESTAMPS)?;
-        Ok(StageTime::between(&stamps, BackwardStage::ALL.map(BackwardStage::name)))
-    }
+    /// The gradients that the pass is bound for.
+    pub bound: Option<Differentiate>,
+    pub memory: Memory,
+    pub commands: Commands<BACKWARD_COUNT>,
 }
 
 /// Holds one frame at a time.
@@ -66,20 +30,41 @@ pub(super) struct Slot {
     owner: Arc<()>,
     /// The number of the renderer's frame that it was last used for.
     pub used: u64,
-    /// The latest plan, and the settings that it was made for.
-    planned: Option<(Settings, Arc<FramePlan>)>,
-    /// The plan of the recorded commands, and whether they are timed.
-    pub recorded: Option<(Arc<FramePlan>, FrameBindings, bool)>,
-    pub backward: Backward,
-    /// The input of its frame, if that was saved.
-    pub saved: Option<Saved>,
+    /// The latest frame's pass.
+    pub pass: Option<Pass>,
+    /// The meshes of the latest frame, while no pass has them.
+    tables: MeshTables,
+    views: ViewInputs,
+    /// Inputs whose bytes on the device are not those of the host.
+    stale: InputChanges,
+    /// Bytes of inputs that were written for the latest frame.
+    pub uploaded_bytes: u64,
+    memory: Memory,
+    pub commands: Commands<FORWARD_COUNT>,
+    /// Copies of the inputs that differ, where the host cannot write them where they belong.
+    uploads: CommandBuffer,
+    /// The inputs that `uploads` copies.
+    copied: InputChanges,
     /// Whether the recorded commands were the last to write to the buffers, and made a frame.
     pub finished: bool,
-    pub commands: CommandBuffer,
-    times: Option<TimestampPool>,
-    pub inputs: Inputs,
-    pub uploads: Uploads,
-    pub buffers: BufferSet,
+    pub backward: Backward,
+}
+
+impl Backward {
+    fn new(context: &Context) -> Result<Self> {
+        Ok(Self {
+            bound: None,
+            memory: Memory::default(),
+            commands: Commands::new(context, "softras backward", BackwardStage::ALL.map(BackwardStage::name))?,
+        })
+    }
+}
+
+/// The memory that a frame needs.
+pub(super) fn region_of(plan: &PassPlan) -> Region<'_> {
+    let layouts = &plan.layouts;
+    let staging = [layouts.upload_size, layouts.readback_size];
+    Region { arenas: &layouts.arenas, inputs: layouts.inputs().copied().collect(), outputs: &layouts.forward, staging }
 }
 
 impl Slot {
@@ -87,16 +72,17 @@ impl Slot {
         Ok(Self {
             owner: Arc::default(),
             used: 0,
-            planned: None,
-            recorded: None,
-            backward: Backward::new(context)?,
-            saved: None,
+            pass: None,
+            tables: MeshTables::default(),
+            views: ViewInputs::default(),
+            stale: InputChanges::ALL,
+            uploaded_bytes: 0,
+            memory: Memory::default(),
+            commands: Commands::new(context, "softras frame", ForwardStage::ALL.map(ForwardStage::name))?,
+            uploads: CommandBuffer::new(context, "softras uploads")?,
+            copied: InputChanges::default(),
             finished: false,
-            commands: CommandBuffer::new(context, "softras frame")?,
-            times: TimestampPool::new(context.device(), context.queue_family(), FORWARD_TIMESTAMPS)?,
-            inputs: Inputs::default(),
-            uploads: Uploads::new(context)?,
-            buffers: BufferSet::default(),
+            backward: Backward::new(context)?,
         })
     }
 
@@ -110,169 +96,145 @@ impl Slot {
         Arc::ptr_eq(&self.owner, owner)
     }
 
-    /// Keeps the frame for backward, until every clone of the returned owner is dropped.
-    pub(super) fn save(&mut self, saved: Saved) -> Arc<()> {
-        self.saved = Some(saved);
+    /// Keeps the frame for backward, until every clone of what is returned is dropped.
+    pub(super) fn owner(&self) -> Arc<()> {
         self.owner.clone()
     }
 
-    /// Frees the buffers.
+    /// The pass of the latest frame.
+    ///
+    /// # Errors
+    /// [`Error::Vulkan`] before the first frame.
+    pub(super) fn pass(&self) -> Result<&Pass> {
+        self.pass.as_ref().ok_or_else(|| Error::Vulkan { call: "render", result: "no frame was rendered".into() })
+    }
+
+    /// Takes over the cameras, settings and lights of another frame if the pass can render it. Returns whether it can.
+    pub(super) fn take(
+        &mut self,
+        shape: &FrameShape,
+        cameras: &[Camera],
+        settings: &Settings,
+        rare: Rare,
+    ) -> Result<bool> {
+        match &mut self.pass {
+            Some(pass) if pass.plan.builder.rare == rare => pass.plan.take(shape, cameras, settings),
+            _ => Ok(false),
+        }
+    }
+
+    /// Bytes on the device.
+    pub(super) fn bytes(&self) -> u64 {
+        self.memory.bytes() + self.backward.memory.bytes()
+    }
+
+    /// Bytes on the device once it is [bound](Self::bind) to a plan.
+    pub(super) fn bytes_with(&self, plan: &PassPlan) -> u64 {
+        self.memory.bytes_with(&region_of(plan)) + self.backward.memory.bytes()
+    }
+
+    /// Lets go of the gradients' buffers, so that they can be replaced.
+    pub(super) fn unbind_gradients(&mut self) {
+        self.backward.bound = None;
+        self.backward.commands.forget();
+        self.pass.iter_mut().for_each(Pass::forget_gradients);
+    }
+
+    /// Frees the gradients' memory.
+    pub(super) fn release_gradients(&mut self) {
+        self.unbind_gradients();
+        self.backward.memory = Memory::default();
+    }
+
+    /// Lets go of the pass, so that its memory can be replaced, and keeps its meshes.
+    fn unbind(&mut self) {
+        (self.copied, self.finished) = (InputChanges::default(), false);
+        self.commands.forget();
+        self.uploads.clear();
+        self.unbind_gradients();
+        if let Some(pass) = self.pass.take() {
+            self.tables = pass.into_tables();
+        }
+    }
+
+    /// Frees all memory.
     pub(super) fn release(&mut self) {
-        self.forget();
-        self.planned = None;
-        self.saved = None;
-        self.finished = false;
-        self.inputs = Inputs::default();
-        self.uploads.stale = InputChanges::ALL;
-        self.buffers = BufferSet::default();
+        self.unbind();
+        (self.memory, self.backward.memory) = (Memory::default(), Memory::default());
+        (self.tables, self.views, self.stale) = (MeshTables::default(), ViewInputs::default(), InputChanges::ALL);
     }
 
-    /// The latest plan, if it was made for this shape and these settings and kernels.
-    pub(super) fn plan_of(&self, shape: &FrameShape, settings: &Settings, rare: Rare) -> Option<&Arc<FramePlan>> {
-        let (of, plan) = self.planned.as_ref()?;
-        (of == settings && plan.is_of(shape, rare)).then_some(plan)
-    }
-
-    /// Whether the latest plan is this one.
-    pub(super) fn is_planned(&self, plan: &Arc<FramePlan>) -> bool {
-        self.planned.as_ref().is_some_and(|(_, own)| Arc::ptr_eq(own, plan))
-    }
-
-    /// Takes the slot for a frame of this plan.
-    pub(super) fn take(&mut self, plan: &Arc<FramePlan>, settings: &Settings) {
-        self.saved = None;
-        if !self.is_planned(plan) {
-            self.planned = Some((settings.clone(), plan.clone()));
-        }
-    }
-
-    /// Makes every buffer of the frame or, with `backward`, of the pass large enough.
-    pub(super) fn make_room(&mut self, context: &Context, needed: &[BufferRequirement], backward: bool) -> Result<()> {
-        needed.iter().try_for_each(|needed| self.reserve(context, needed.id, needed.size, backward))
-    }
-
-    /// Makes a buffer large enough. If the old one is gone, forgets the commands recorded with it.
-    fn reserve(&mut self, context: &Context, id: BufferId, size: u64, backward: bool) -> Result<()> {
-        let reserved = self.buffers.reserve(context, id, size);
-        if !matches!(reserved, Ok(false)) {
-            if backward {
-                self.backward.forget();
-            } else {
-                self.uploads.stale.note(id, true);
-                self.forget();
-            }
-        }
-        reserved.map(drop)
-    }
-
-    /// Frees what is larger than the frame needs: all buffers, or those that backward added to the frame's.
-    pub(super) fn shrink(&mut self, backward: bool) {
-        match self.planned.take() {
-            Some((settings, plan)) if backward => {
-                self.backward.forget();
-                self.buffers.retain(|id| plan.buffer(id).is_some());
-                self.planned = Some((settings, plan));
-            }
-            planned => {
-                self.release();
-                self.planned = planned;
-            }
-        }
-    }
-
-    /// Forgets the recorded commands.
-    pub(super) fn forget(&mut self) {
-        self.recorded = None;
-        self.backward.forget();
-        self.uploads.forget();
-    }
-
-    /// Renders a frame whose buffers have room, and waits for it.
-    pub(super) fn execute(
-        &mut self,
-        shared: &Shared,
-        scene: &Scene,
-        cameras: &[Camera],
-        settings: &Settings,
-        plan: &Arc<FramePlan>,
-        timed: bool,
-    ) -> Result<Status> {
-        self.uploads.bytes = 0;
-        self.write_inputs(scene, cameras, settings, plan, timed)?;
-        self.prepare(shared, plan, timed)?;
-        self.uploads.record(&self.buffers)?;
-        self.commands.submit_and_wait_after(self.uploads.commands())?;
-        self.uploads.done();
-        self.status()
-    }
-
-    /// Writes the inputs whose bytes on the device differ.
-    fn write_inputs(
-        &mut self,
-        scene: &Scene,
-        cameras: &[Camera],
-        settings: &Settings,
-        plan: &Arc<FramePlan>,
-        timed: bool,
-    ) -> Result<()> {
-        // The buffers still hold the last frame's images if that frame succeeded and had the same commands.
-        self.inputs.background_kept = std::mem::take(&mut self.finished) && self.is_recorded(plan, timed);
-        self.uploads.stale = self.uploads.stale.or(self.inputs.update(scene, cameras, settings, plan));
-        for (id, bytes) in self.inputs.all() {
-            if self.uploads.stale.has(id) && plan.buffer(id).is_some() {
-                self.buffers.write(id, bytes)?;
-                self.uploads.wrote(id, bytes.len());
-            }
-        }
+    /// Binds a plan to memory that is large enough, in place of the last one.
+    pub(super) fn bind(&mut self, shared: &Shared, plan: PassPlan) -> Result<()> {
+        self.unbind();
+        // Where it fails, all of the memory is gone.
+        let before = std::mem::replace(&mut self.stale, InputChanges::ALL);
+        self.stale = before.or(self.memory.reserve(&shared.context, &region_of(&plan))?);
+        let tables = std::mem::take(&mut self.tables);
+        let pass = shared.rasterizer.bind_buffers(plan, self.memory.parts()?, Some(tables))?;
+        self.pass = Some(pass.with_staging(self.memory.staging()));
         Ok(())
     }
 
-    /// Whether the recorded commands are the plan's. They depend on its sizes and constants only, not on the shape that it
-    /// was made for.
-    fn is_recorded(&self, plan: &Arc<FramePlan>, timed: bool) -> bool {
-        self.recorded.as_ref().is_some_and(|(recorded, _, with_times)| {
-            *with_times == timed && (Arc::ptr_eq(recorded, plan) || recorded.forward == plan.forward)
-        })
+    /// Renders a frame with the pass, which took over its cameras and settings, and waits for it.
+    pub(super) fn execute(&mut self, scene: &Scene, timed: bool) -> Result<Status> {
+        let written = self.write_inputs(scene, timed)?;
+        self.prepare(written, timed)?;
+        let uploads = (!self.copied.is_empty()).then_some(&mut self.uploads);
+        self.commands.buffer.submit_and_wait_after(uploads)?;
+        self.stale = self.stale.without(written);
+        self.status()
     }
 
-    /// Records the frame's commands unless they are recorded already.
-    fn prepare(&mut self, shared: &Shared, plan: &Arc<FramePlan>, timed: bool) -> Result<()> {
-        if self.is_recorded(plan, timed) {
-            return Ok(());
+    /// Writes the inputs whose bytes on the device differ, and returns them.
+    fn write_inputs(&mut self, scene: &Scene, timed: bool) -> Result<InputChanges> {
+        let Some(pass) = &mut self.pass else { return Ok(InputChanges::default()) };
+        let push = pass.plan.frame.forward.push;
+        // The buffers still hold the last frame's images if that frame succeeded and had the same commands.
+        let background_kept = std::mem::take(&mut self.finished) && self.commands.are_recorded(push, timed);
+        let tables = pass.scene.get_or_insert_default();
+        let changed = tables.renew(scene, pass.plan.tables.adjacency);
+        let views = self.views.renew(pass.plan.view_inputs(background_kept));
+        self.stale = self.stale.or(changed).or(views);
+        let mut written = InputChanges::default();
+        self.uploaded_bytes = 0;
+        for (id, bytes) in self.views.all().into_iter().chain(tables.all()) {
+            if self.stale.has(id) && self.memory.has_input(id) {
+                self.memory.write(id, bytes)?;
+                written.note(id, true);
+                self.uploaded_bytes += bytes.len() as u64;
+            }
         }
-        self.recorded = None;
-        let bindings = shared.rasterizer.bind_parts(plan, self.buffers.parts(plan.buffers().iter().map(|b| b.id))?)?;
-        let (rasterizer, buffers) = (&shared.rasterizer, &self.buffers);
-        let times = self.times.as_ref().filter(|_| timed);
-        self.commands.record(|recorder| {
-            if let Some(times) = times {
-                recorder.reset_timestamps(times)?;
+        Ok(written)
+    }
+
+    /// Records the frame's commands unless they are recorded already, and the copies of what was written, unless these are those
+    /// recorded last, as in an optimization loop.
+    fn prepare(&mut self, written: InputChanges, timed: bool) -> Result<()> {
+        let Some(pass) = &self.pass else { return Ok(()) };
+        let push = pass.plan.frame.forward.push;
+        self.commands.prepare(push, timed, |recorder, times| pass.record_forward_with(recorder, times))?;
+        let copied = if self.memory.staging().is_some() { written } else { InputChanges::default() };
+        if self.copied != copied {
+            self.copied = InputChanges::default();
+            if !copied.is_empty() {
+                self.uploads.record(|recorder| pass.record_changes(recorder, copied))?;
             }
-            rasterizer.forward(recorder, plan, &bindings, times)?;
-            for (id, buffer) in buffers.shared() {
-                if id.row().role == Role::Output && plan.buffer(id).is_some() {
-                    buffer.record_download(recorder)?;
-                }
-            }
-            recorder.barrier_to_host();
-            Ok(())
-        })?;
-        self.recorded = Some((plan.clone(), bindings, timed));
+            self.copied = copied;
+        }
         Ok(())
     }
 
     pub(super) fn status(&self) -> Result<Status> {
+        let contents = self.memory.contents()?;
+        let bytes = contents.bytes(BufferId::Status, Status::BYTES)?;
         let mut status = [0; Status::BYTES];
-        self.buffers.read(BufferId::Status, &mut status)?;
+        status.copy_from_slice(bytes);
         Ok(Status::from_bytes(&status))
     }
 
-    /// The stages' times of the latest frame; empty without timestamps.
-    pub(super) fn timings(&self, timed: bool) -> Result<Vec<StageTime>> {
-        let Some(times) = self.times.as_ref().filter(|_| timed) else {
-            return Ok(Vec::new());
-        };
-        let stamps = times.read(FORWARD_TIMESTAMPS)?;
-        Ok(StageTime::between(&stamps, ForwardStage::ALL.map(ForwardStage::name)))
+    /// The outputs of the latest frame.
+    pub(super) fn contents(&self) -> Result<super::memory::Contents<'_>> {
+        self.memory.contents()
     }
 }

@@ -32,42 +32,57 @@ impl BufferPart {
         Self { device: device.raw().handle(), raw, offset, range, usage, view: None, keep: None }
     }
 
-    /// A part of a host's buffer with a texel view of just that part, destroyed with the last clone of what is returned.
+    /// `range` bytes of it from `offset` on, without a texel view.
     ///
     /// # Errors
-    /// [`Error::Vulkan`] for a buffer without the usage UNIFORM_TEXEL_BUFFER, and for a part that is misaligned;
-    /// [`Error::Limit`] for one of more texels than maxTexelBufferElements.
-    pub fn texels_of_host(device: &Device, at: &BufferRef, format: TexelFormat, name: &str) -> Result<Self> {
-        if !at.usage().contains(vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER) {
-            let result = format!("`{name}` was made without the usage UNIFORM_TEXEL_BUFFER");
-            return Err(Error::Vulkan { call: CALL, result });
+    /// [`Error::Vulkan`] where they lie outside.
+    pub fn part(&self, offset: u64, range: u64) -> Result<Self> {
+        if offset.checked_add(range).is_some_and(|end| end <= self.range) {
+            return Ok(Self { offset: self.offset + offset, range, view: None, ..self.clone() });
         }
-        if at.raw() == vk::Buffer::null() {
-            return Err(Error::Vulkan { call: CALL, result: format!("`{name}` is null") });
-        }
-        // SAFETY: the usage was checked, all else is the promise of `BufferRef::new`.
-        unsafe { Self::of_host(device, at).with_view(device, format, name) }
+        let result = format!("bytes {offset} and {range} more lie outside {self:?}");
+        Err(Error::Vulkan { call: "buffer access", result })
     }
 
-    /// The part with a texel view of its own, destroyed with the last clone of the returned reference.
+    /// It with a texel view of just these bytes, destroyed with the last clone of what is returned.
     ///
-    /// # Safety
-    /// The buffer is one of this device's, has the usage UNIFORM_TEXEL_BUFFER and bound memory, and outlives the view.
-    pub(super) unsafe fn with_view(&self, device: &Device, format: TexelFormat, name: &str) -> Result<Self> {
+    /// # Errors
+    /// [`Error::Vulkan`] for a buffer of another device or without the usage UNIFORM_TEXEL_BUFFER, and for a part that is misaligned;
+    /// [`Error::Limit`] for one of more texels than maxTexelBufferElements.
+    pub fn with_texels(&self, device: &Device, format: TexelFormat, name: &str) -> Result<Self> {
+        let fail = |what: &str| Err(Error::Vulkan { call: CALL, result: format!("`{name}` {what}") });
+        if !self.usage.contains(vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER) {
+            return fail("was made without the usage UNIFORM_TEXEL_BUFFER");
+        }
+        if self.raw == vk::Buffer::null() {
+            return fail("is null");
+        }
+        if !self.is_of(device) {
+            return fail("is of another device");
+        }
         let alignment = device.limits().texel_offset_alignment.max(1);
         if !self.offset.is_multiple_of(alignment) || !self.range.is_multiple_of(format.bytes()) {
             let (offset, range) = (self.offset, self.range);
-            let result = format!("`{name}`: offset {offset} or size {range} is misaligned ({alignment}, {format:?})");
-            return Err(Error::Vulkan { call: CALL, result });
+            return fail(&format!("has offset {offset} or size {range}, misaligned ({alignment}, {format:?})"));
         }
         if self.range == 0 {
-            return Err(Error::Vulkan { call: CALL, result: format!("`{name}` is empty") });
+            return fail("is empty");
         }
         check_texels(device.limits(), name, self.range, format)?;
-        // SAFETY: the caller's promise, and the checks above.
-        let view = unsafe { create_view(device, self.raw, self.offset, self.range, format, name) }?;
+        let (buffer, offset, range) = (self.raw, self.offset, self.range);
+        let info =
+            vk::BufferViewCreateInfo::default().buffer(buffer).format(format.format()).offset(offset).range(range);
+        // SAFETY: usage, device and range were checked, and every device reads these formats as uniform texels. A buffer of ours has
+        // memory and is kept by the view; of a host's, both are the promise of `BufferRef::new`.
+        let view = unsafe { device.raw().create_buffer_view(&info, device.callbacks()) }.named(CALL)?;
+        device.name_object(view, name);
         let owner = TexelView { device: device.clone(), view, buffer: self.keep.clone() };
         Ok(Self { view: Some((view, format)), keep: Some(Arc::new(owner)), ..*self })
+    }
+
+    /// As a host refers to it.
+    pub fn reference(&self) -> BufferRef {
+        BufferRef::of_part(self)
     }
 
     /// The buffer.
@@ -128,21 +143,4 @@ impl Drop for TexelView {
         // SAFETY: the device is done with it: whatever recorded it kept this View until then.
         unsafe { self.device.raw().destroy_buffer_view(self.view, self.device.callbacks()) };
     }
-}
-
-/// # Safety
-/// The buffer has the usage UNIFORM_TEXEL_BUFFER and bound memory; the part lies inside it.
-pub(super) unsafe fn create_view(
-    device: &Device,
-    buffer: vk::Buffer,
-    offset: u64,
-    range: u64,
-    format: TexelFormat,
-    name: &str,
-) -> Result<vk::BufferView> {
-    let info = vk::BufferViewCreateInfo::default().buffer(buffer).format(format.format()).offset(offset).range(range);
-    // SAFETY: the caller's promise; every device reads these formats as uniform texels.
-    let view = unsafe { device.raw().create_buffer_view(&info, device.callbacks()) }.named(CALL)?;
-    device.name_object(view, name);
-    Ok(view)
 }

@@ -1,5 +1,6 @@
 //! A host's buffers and images, as softras takes them.
 
+use super::buffer_part::BufferPart;
 use crate::{Error, Result};
 use ash::vk::{self, Handle};
 
@@ -31,6 +32,11 @@ impl BufferRef {
     pub unsafe fn from_raw(buffer: u64, size: u64, usage: u32) -> Self {
         // SAFETY: the caller's promise.
         unsafe { Self::new(vk::Buffer::from_raw(buffer), size, vk::BufferUsageFlags::from_raw(usage)) }
+    }
+
+    /// A part that was bound, as the host gave it.
+    pub(super) fn of_part(part: &BufferPart) -> Self {
+        Self { raw: part.raw(), offset: part.offset(), range: part.range(), usage: part.usage() }
     }
 
     /// `range` bytes of it from `offset` on.

@@ -7,7 +7,7 @@
 //!   device memory. A host's raw handles enter through the `unsafe` constructors of [`HostAdapter`], [`HostDevice`],
 //!   [`HostCommands`], [`BufferRef`] and [`ImageRef`], which say what the host must keep alive.
 //! - The folder `own`, behind the feature `renderer`, opens a device of its own, the `Context`, and does what a host does
-//!   for itself: `Buffer` and `SharedBuffer` own memory, `CommandBuffer` submits and waits, a file keeps the pipeline cache,
+//!   for itself: `Buffer` owns memory, `CommandBuffer` submits and waits, a file keeps the pipeline cache,
 //!   the validation layer writes into a log.
 //!
 //! # Why every safe call is sound
@@ -62,7 +62,7 @@ pub use host::{HostAdapter, HostCommands, HostDevice};
 pub use host_memory::{BufferRef, ImageFormat, ImageRef, TextureRef};
 pub use kernel::{BindingKind, Kernel, SpecValue, constants, kernels};
 #[cfg(feature = "renderer")]
-pub use own::{Buffer, CacheFolder, CommandBuffer, Context, ContextOptions, Loader, Mapped, MappedMut, SharedBuffer};
+pub use own::{Buffer, CacheFolder, CommandBuffer, Context, ContextOptions, Loader, Mapped, MappedMut};
 pub use pipeline::Pipeline;
 pub use recorder::Recorder;
 pub use timestamps::TimestampPool;

@@ -2,13 +2,15 @@
 
 use super::buffers::PassBuffer;
 use super::memory::{Layouts, MemoryKind, MemoryRequirement, Wishes};
+use crate::constants as c;
 use crate::embed::host::camera::{CameraMatrices, ClipSpace, HostCamera};
 use crate::embed::host::mesh::PassMesh;
 use crate::embed::place::tables::Tables;
 use crate::error::{Error, Result};
 use crate::frame::buffers::{BufferId, Role};
 use crate::frame::frame_plan::{BufferRequirement, Differentiate, FramePlan, GradientPlan};
-use crate::frame::plan::{Capacity, DepthSpan};
+use crate::frame::pack::{ViewInputs, camera_texels, light_texels};
+use crate::frame::plan::{Capacity, DepthSpan, Rare};
 use crate::frame::rasterizer::Rasterizer;
 use crate::frame::shape::FrameShape;
 use crate::frame::status::Status;
@@ -41,6 +43,9 @@ pub struct PassBuilder {
     read_back: Vec<PassBuffer>,
     read_back_gradients: bool,
     device_counts: bool,
+    pub(crate) rare: Rare,
+    /// As [`Wishes::apart`]; all images are read back then.
+    pub(crate) apart: Option<u64>,
 }
 
 /// The meshes to draw.
@@ -48,8 +53,8 @@ pub struct PassBuilder {
 pub(crate) enum Content {
     /// A host's meshes: all of them in every view or, if `separate`, one for each view.
     Meshes { meshes: Vec<PassMesh>, separate: bool },
-    /// A scene in the host's memory.
-    Scene(Arc<Scene>),
+    /// A scene in the host's memory; `None` where it is given anew for each frame.
+    Scene(Option<Arc<Scene>>),
 }
 
 /// A camera as it was given.
@@ -88,10 +93,10 @@ impl Rasterizer {
     /// uploads its meshes, and it is bound with no [`MeshBuffers`](crate::embed::MeshBuffers). Whether triangles cross the near or the far
     /// plane is found out from the scene.
     pub fn scene_pass(&self, scene: &Scene) -> PassBuilder {
-        self.builder(Content::Scene(Arc::new(scene.clone())), scene.lights.clone())
+        self.builder(Content::Scene(Some(Arc::new(scene.clone()))), scene.lights.clone())
     }
 
-    fn builder(&self, content: Content, lights: Lights) -> PassBuilder {
+    pub(crate) fn builder(&self, content: Content, lights: Lights) -> PassBuilder {
         PassBuilder {
             limits: *self.device.limits(),
             kind: self.device.kind(),
@@ -112,6 +117,8 @@ impl Rasterizer {
             read_back: Vec::new(),
             read_back_gradients: false,
             device_counts: false,
+            rare: Rare::ALL,
+            apart: None,
         }
     }
 }
@@ -273,15 +280,30 @@ impl PassBuilder {
             None => Arc::new(self.content.tables(adjacency)?),
         };
         self.tables = Some(tables.clone());
-        let frame = FramePlan::new(&self.limits, self.kind, &self.shape(&tables, &cameras, &settings)?, &settings)?;
+        let shape = self.shape(&tables, &cameras, &settings)?;
+        self.plan(&shape, cameras, settings, tables)
+    }
+
+    /// The plan of a shape, with settings whose near and far are final.
+    pub(crate) fn plan(
+        self,
+        shape: &FrameShape,
+        cameras: Vec<ViewCamera>,
+        settings: Settings,
+        tables: Arc<Tables>,
+    ) -> Result<PassPlan> {
+        let frame = FramePlan::new(&self.limits, self.kind, shape, &settings, self.rare)?;
         let upstream = self.upstream.unwrap_or(settings.outputs);
         let differentiate = |wanted| Differentiate { upstream, wanted, largest_upstream: self.largest_upstream };
         let gradients = self.wanted.map(|wanted| GradientPlan::new(&frame, &differentiate(wanted))).transpose()?;
-        let mut read_back = self.read_back.clone();
+        let mut read_back: Vec<BufferId> = self.read_back.iter().map(|buffer| buffer.id()).collect();
         if let Some(gradients) = gradients.as_ref().filter(|_| self.read_back_gradients) {
-            read_back.extend(DECODED.into_iter().filter(|buffer| gradients.buffer(buffer.id()).is_some()));
+            read_back.extend(decoded(gradients));
         }
-        let wishes = Wishes { alignment: self.alignment, own: &self.own, read_back: &read_back };
+        if self.apart.is_some() {
+            read_back.extend(frame.buffers().iter().map(|b| b.id).filter(|id| id.row().role == Role::Output));
+        }
+        let wishes = Wishes { alignment: self.alignment, apart: self.apart, own: &self.own, read_back: &read_back };
         let added = gradients.as_ref().map_or(&[][..], GradientPlan::buffers);
         let setup = self.content.setup(&tables, &frame);
         let layouts = Layouts::new(frame.buffers(), added, (&tables, &setup), &wishes)?;
@@ -308,7 +330,10 @@ impl PassBuilder {
 
     fn shape(&self, tables: &Tables, cameras: &[ViewCamera], settings: &Settings) -> Result<FrameShape> {
         let shape = match &self.content {
-            Content::Scene(scene) => {
+            Content::Scene(None) => {
+                return Err(Error::Scene { what: "a pass of no scene".into(), fix: "give one".into() });
+            }
+            Content::Scene(Some(scene)) => {
                 let cameras: Vec<Camera> = cameras.iter().map(|view| view.camera).collect();
                 FrameShape::of(scene, &cameras, settings)?
             }
@@ -334,13 +359,9 @@ impl PassBuilder {
 }
 
 /// The buffers that gradients are decoded from.
-const DECODED: [PassBuffer; 5] = [
-    PassBuffer::VertexGradients,
-    PassBuffer::FeatureGradients,
-    PassBuffer::Totals,
-    PassBuffer::TexelSums,
-    PassBuffer::CornerGradients,
-];
+pub(crate) fn decoded(gradients: &GradientPlan) -> impl Iterator<Item = BufferId> {
+    gradients.buffers().iter().map(|b| b.id).filter(|id| id.row().role == Role::Output)
+}
 
 impl Content {
     fn tables(&self, adjacency: bool) -> Result<Tables> {
@@ -441,7 +462,7 @@ impl PassPlan {
     }
 
     pub(crate) fn part_read_back(&self, id: BufferId) -> Option<(u64, u64)> {
-        let mut copies = self.layouts.forward.iter().chain(&self.layouts.backward);
+        let mut copies = self.layouts.forward.iter().chain(&self.layouts.gradients.outputs);
         copies.find(|copy| copy.id == id).map(|copy| (copy.mapped, copy.size))
     }
 
@@ -455,6 +476,22 @@ impl PassPlan {
     /// Whether it has gradients.
     pub fn has_gradients(&self) -> bool {
         self.gradients.is_some()
+    }
+
+    /// The inputs that belong to no mesh. With `background_kept` tiles that were empty in the last frame and still are are not written
+    /// again.
+    pub(crate) fn view_inputs(&self, background_kept: bool) -> ViewInputs {
+        /// The word of an entry of `view_shapes` that holds the SHAPE_ flags.
+        const FLAGS: usize = 11;
+        let mut shapes = self.frame.view_shapes();
+        if background_kept {
+            shapes.iter_mut().for_each(|shape| shape[FLAGS] |= c::SHAPE_MARKS_VALID);
+        }
+        ViewInputs {
+            shapes,
+            cameras: self.cameras.iter().map(|view| camera_texels(&view.camera, &self.settings)).collect(),
+            lights: light_texels(&self.frame.shape.lights),
+        }
     }
 
     /// The region of one view of an image in a buffer that holds it as the pass's own does, for vkCmdCopyBufferToImage.
@@ -512,8 +549,15 @@ impl PassPlan {
     pub fn next_plan(&self, readback: &[u8]) -> Result<Option<Self>> {
         match self.status(readback)? {
             PassStatus::Whole => Ok(None),
-            PassStatus::Grow(capacity) => self.builder().capacity(capacity).build().map(Some),
+            PassStatus::Grow(capacity) => self.with_room(capacity, self.builder.rare).map(Some),
         }
+    }
+
+    /// The plan with other room for lists and other kernels.
+    pub(crate) fn with_room(&self, capacity: Capacity, rare: Rare) -> Result<Self> {
+        let builder = PassBuilder { capacity: Some(capacity), rare, ..self.builder() };
+        let shape = FrameShape { capacity: Some(capacity), ..self.frame.shape.clone() };
+        builder.plan(&shape, self.cameras.clone(), self.settings.clone(), self.tables.clone())
     }
 }
 

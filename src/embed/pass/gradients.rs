@@ -6,7 +6,8 @@ use super::buffers::PassBuffer;
 use super::builder::PassPlan;
 use crate::error::{Error, Result};
 use crate::frame::buffers::BufferId;
-use crate::frame::decode::Decoder;
+use crate::frame::decode::{Decoder, ReadFloats};
+use crate::frame::frame_plan::GradientPlan;
 use crate::frame::pack::MeshTables;
 use crate::gradients::{GradientRequest, Gradients};
 use crate::scene::Camera;
@@ -22,14 +23,9 @@ impl Pass {
     /// [`Error::Backward`] for a pass without gradients; [`Error::Host`] for fewer bytes than the readback buffer has, or bytes
     /// that do not begin at a multiple of 4; [`Error::NotFinite`] if a gradient overflows single precision.
     pub fn decode_gradients(&self, readback: &[u8]) -> Result<Gradients> {
-        let PassPlan { frame, gradients, layouts, settings, cameras, .. } = &self.plan;
-        let Some(plan) = gradients else {
-            let what = "the pass computes no gradients".into();
-            return Err(Error::Backward { what, fix: "plan it with PassBuilder::gradients".into() });
-        };
-        let has = |id| layouts.backward.iter().any(|copy| copy.id == id);
+        let has = |id| self.plan.layouts.gradients.outputs.iter().any(|copy| copy.id == id);
         let (vertices, totals) = (has(BufferId::VertexGradients), has(BufferId::Totals));
-        let asked = plan.wanted;
+        let asked = self.gradient_plan()?.wanted;
         let wanted = GradientRequest {
             positions: asked.positions && vertices,
             colors: asked.colors && vertices,
@@ -41,17 +37,7 @@ impl Pass {
             scalars: asked.scalars && totals,
             ..asked
         };
-        let of_meshes;
-        let tables = if let Some(scene) = &self.scene {
-            scene
-        } else {
-            of_meshes = self.plan.tables_of_meshes();
-            &of_meshes
-        };
-        let cameras: Vec<Camera> = cameras.iter().map(|view| view.camera).collect();
-        let (wanted, lights) = (&wanted, &frame.shape.lights);
-        let decoder = Decoder { frame, plan, wanted, tables, cameras: &cameras, settings, lights };
-        decoder.decode_floats(&|id, count| {
+        self.decode(&wanted, &|id, count| {
             let part = self.plan.part_read_back(id).map(|(at, size)| at as usize..(at + size) as usize);
             let fail = |what: String| Err(Error::Host { what, fix: "give the whole readback buffer".into() });
             match part.and_then(|part| readback.get(part)?.get(..4 * count)).map(bytemuck::try_cast_slice) {
@@ -60,6 +46,33 @@ impl Pass {
                 Some(Ok(floats)) => Ok(floats),
             }
         })
+    }
+
+    /// The plan of its gradients.
+    ///
+    /// # Errors
+    /// [`Error::Backward`] for a pass without gradients.
+    pub(crate) fn gradient_plan(&self) -> Result<&GradientPlan> {
+        self.plan.gradients.as_ref().ok_or_else(|| Error::Backward {
+            what: "the pass computes no gradients".into(),
+            fix: "plan it with PassBuilder::gradients".into(),
+        })
+    }
+
+    /// The wanted gradients from the buffers' floats.
+    pub(crate) fn decode(&self, wanted: &GradientRequest, floats: ReadFloats<'_>) -> Result<Gradients> {
+        let plan = self.gradient_plan()?;
+        let PassPlan { frame, settings, cameras, .. } = &self.plan;
+        let of_meshes;
+        let tables = if let Some(scene) = &self.scene {
+            scene
+        } else {
+            of_meshes = self.plan.tables_of_meshes();
+            &of_meshes
+        };
+        let cameras: Vec<Camera> = cameras.iter().map(|view| view.camera).collect();
+        let lights = &frame.shape.lights;
+        Decoder { frame, plan, wanted, tables, cameras: &cameras, settings, lights }.decode_floats(floats)
     }
 }
 

@@ -4,6 +4,8 @@ pub mod buffers;
 pub mod builder;
 mod gradients;
 pub mod memory;
+#[cfg(feature = "renderer")]
+mod own;
 pub mod rebind;
 mod scene;
 pub mod store;
@@ -16,12 +18,13 @@ use crate::embed::place::counts::{CountStep, Counts};
 use crate::embed::place::texels::TexelStep;
 use crate::embed::place::{By, GradientStep, Step};
 use crate::error::{Error, Result};
-use crate::frame::bindings::{FrameBindings, GradientBindings, parts_of_host};
+use crate::frame::bindings::{FrameBindings, GradientBindings, validated_parts};
 use crate::frame::buffers::BufferId;
-use crate::frame::pack::{MeshTables, camera_texels, light_texels};
+use crate::frame::frame_plan::GradientPlan;
+use crate::frame::pack::MeshTables;
 use crate::frame::passes::{BackwardStage, ForwardStage};
 use crate::frame::rasterizer::Rasterizer;
-use crate::vulkan::{BufferPart, BufferRef, HostCommands, Recorder, vk};
+use crate::vulkan::{BufferPart, BufferRef, HostCommands, Recorder, TimestampPool, vk};
 use buffers::PassBuffer;
 use builder::{PassPlan, PassStatus};
 use memory::{Copy, PassMemory};
@@ -37,13 +40,15 @@ pub struct Pass {
     pub(crate) plan: PassPlan,
     pub(crate) frame: FrameBindings,
     pub(crate) gradients: Option<GradientBindings>,
-    pub(crate) buffers: Vec<(BufferId, BufferRef)>,
-    memory: [BufferRef; 3],
+    pub(crate) buffers: Vec<(BufferId, BufferPart)>,
+    /// The buffers that the frame's inputs come from and its outputs go to, and those of its gradients; `None` where host and
+    /// device share all of them.
+    staging: [Option<Staging>; 2],
+    /// The device buffer, for render graphs.
+    device: Option<BufferRef>,
     meshes: Vec<MeshBuffers>,
     /// The tables of its scene, as they are to lie on the device; `None` for a host's meshes.
     pub(crate) scene: Option<MeshTables>,
-    upload: BufferPart,
-    readback: BufferPart,
     /// Tables of draws, then everything that the setup places.
     draws: Vec<(u64, BufferPart)>,
     setup: Vec<Step>,
@@ -54,6 +59,17 @@ pub struct Pass {
     /// How far it was recorded: [`NOTHING`], [`SETUP`] or [`FORWARD`].
     recorded: AtomicU8,
 }
+
+/// The mapped buffers that are copied from and to.
+#[derive(Clone)]
+pub(crate) struct Staging {
+    pub upload: BufferPart,
+    pub readback: BufferPart,
+}
+
+/// The frame and the gradients among a pass's [`Pass::staging`].
+const OF_FRAME: usize = 0;
+const OF_GRADIENTS: usize = 1;
 
 /// A buffer, and the stages and accesses of its use.
 type BufferUse = (BufferRef, vk::PipelineStageFlags, vk::AccessFlags);
@@ -81,39 +97,14 @@ impl Rasterizer {
             let what = format!("buffers of {} meshes for a pass of {placed}", meshes.len());
             return Err(Error::Host { what, fix: "give one MeshBuffers for each mesh of the plan".into() });
         }
-        let buffers = plan.layouts.refs(&memory)?;
-        let of_frame = |id: &BufferId| plan.frame.buffer(*id).is_some();
-        let (frame, added): (Vec<_>, Vec<_>) = buffers.iter().copied().partition(|(id, _)| of_frame(id));
-        let parts = |required, given: &[_]| parts_of_host(&self.device, required, given);
-        let frame = self.bind_parts(&plan.frame, parts(plan.frame.buffers(), &frame)?)?;
-        let gradients = match &plan.gradients {
-            Some(plan) => Some(self.bind_backward_parts(plan, &parts(plan.buffers(), &added)?, &frame)?),
-            // Refuses buffers that are given besides the frame's.
-            None => parts(&[], &added).map(|_| None)?,
-        };
-        let part = |at| BufferPart::of_host(&self.device, at);
-        let (upload, readback) = (part(&memory.upload), part(&memory.readback));
-        let rasterizer = self.clone();
+        let buffers = plan.layouts.bind(&self.device, &memory)?;
         let scene = plan.scene().map(|scene| MeshTables::new(scene, plan.tables.adjacency));
-        let mut pass = Pass {
-            rasterizer,
-            plan,
-            frame,
-            gradients,
-            buffers,
-            memory: [memory.upload, memory.device, memory.readback],
-            meshes: meshes.to_vec(),
-            scene,
-            upload,
-            readback,
-            draws: Vec::new(),
-            setup: Vec::new(),
-            texels: Vec::new(),
-            vertices: Vec::new(),
-            back: Vec::new(),
-            counts: None,
-            recorded: AtomicU8::new(NOTHING),
-        };
+        let part = |at| BufferPart::of_host(&self.device, at);
+        let staging = Staging { upload: part(&memory.upload), readback: part(&memory.readback) };
+        let mut pass = self.bind_buffers(plan, buffers, scene)?;
+        pass.staging = [Some(staging.clone()), Some(staging)];
+        pass.device = Some(memory.device);
+        pass.meshes = meshes.to_vec();
         for (number, buffers) in meshes.iter().enumerate() {
             pass.bind_mesh(number, buffers, &memory.device).map_err(|error| of_mesh(number, error))?;
         }
@@ -122,6 +113,52 @@ impl Rasterizer {
             workspace.chain(memory.own.iter().map(|(_, at)| *at)).map(|at| Floats::whole(&at)).collect();
         pass.share_targets(&workspace, meshes)?;
         Ok(pass)
+    }
+
+    /// Binds a plan to its buffers. `scene` has the tables of its scene, if it is one of a scene.
+    pub(crate) fn bind_buffers(
+        &self,
+        plan: PassPlan,
+        buffers: Vec<(BufferId, BufferPart)>,
+        scene: Option<MeshTables>,
+    ) -> Result<Pass> {
+        let of_frame = |(id, _): &&(BufferId, BufferPart)| plan.frame.buffer(*id).is_some();
+        let (own, added): (Vec<_>, Vec<_>) = buffers.iter().partition(of_frame);
+        let parts = |required, given: Vec<&(BufferId, BufferPart)>| validated_parts(&self.device, required, &given);
+        let frame = self.bind_parts(&plan.frame, parts(plan.frame.buffers(), own)?)?;
+        let gradients = match &plan.gradients {
+            Some(plan) => Some(self.bind_gradients(plan, &added, &frame)?),
+            // Refuses buffers that are given besides the frame's.
+            None => parts(&[], added).map(|_| None)?,
+        };
+        Ok(Pass {
+            rasterizer: self.clone(),
+            plan,
+            frame,
+            gradients,
+            buffers,
+            staging: [None, None],
+            device: None,
+            meshes: Vec::new(),
+            scene,
+            draws: Vec::new(),
+            setup: Vec::new(),
+            texels: Vec::new(),
+            vertices: Vec::new(),
+            back: Vec::new(),
+            counts: None,
+            recorded: AtomicU8::new(NOTHING),
+        })
+    }
+
+    /// Binds the buffers that gradients need beyond those of their frame.
+    pub(crate) fn bind_gradients(
+        &self,
+        plan: &GradientPlan,
+        buffers: &[&(BufferId, BufferPart)],
+        frame: &FrameBindings,
+    ) -> Result<GradientBindings> {
+        self.bind_backward_parts(plan, &validated_parts(&self.device, plan.buffers(), buffers)?, frame)
     }
 
     /// Compiles a pass's kernels unless that was done, in parallel on threads that end with the call. It takes some hundred
@@ -139,10 +176,10 @@ impl Pass {
     fn bind_mesh(&mut self, number: usize, buffers: &MeshBuffers, device: &BufferRef) -> Result<()> {
         let Self { rasterizer, plan, frame, gradients, .. } = &*self;
         let (at, offset, size) = plan.layouts.draws[number];
-        let draws = device.part(offset, size)?;
+        let draws = BufferPart::of_host(&rasterizer.device, &device.part(offset, size)?);
         let placed = &plan.tables.placed[number];
         let bound = rasterizer.bind_mesh(placed, buffers, &draws, frame, gradients.as_ref())?;
-        self.draws.push((at, BufferPart::of_host(&self.rasterizer.device, &draws)));
+        self.draws.push((at, draws));
         self.setup.extend(bound.setup);
         self.texels.extend(bound.texels);
         self.vertices.extend(bound.vertices);
@@ -198,7 +235,7 @@ impl Pass {
     }
 
     fn find(&self, id: BufferId) -> Option<BufferRef> {
-        self.buffers.iter().find(|(own, _)| *own == id).map(|(_, at)| *at)
+        self.part(id).ok().map(BufferPart::reference)
     }
 
     /// The part of `texels` that a mesh's texture is: four floats a texel, row 0 at the top. A host that gives no
@@ -230,7 +267,9 @@ impl Pass {
     /// and accesses. Compute shaders of the setup read the textures that are images.
     pub fn uses(&self) -> [Vec<BufferUse>; 3] {
         use vk::{AccessFlags as A, PipelineStageFlags as S};
-        let [upload, device, readback] = self.memory;
+        let ([Some(Staging { upload, readback }), _], Some(device)) = (&self.staging, self.device) else {
+            return Default::default();
+        };
         let read = |at: &BufferRef| (*at, S::COMPUTE_SHADER, A::SHADER_READ);
         let write = |at: &BufferRef| (*at, S::COMPUTE_SHADER, A::SHADER_READ | A::SHADER_WRITE);
         let kernels = A::SHADER_READ | A::SHADER_WRITE | A::INDIRECT_COMMAND_READ;
@@ -239,10 +278,11 @@ impl Pass {
             S::COMPUTE_SHADER | S::DRAW_INDIRECT | S::TRANSFER,
             kernels | A::TRANSFER_READ | A::TRANSFER_WRITE,
         );
-        let own = self.buffers.iter().filter(|(_, at)| at.raw() != device.raw()).map(|(_, at)| (*at, work.1, work.2));
+        let own = self.buffers.iter().map(|(_, at)| at.reference()).filter(|at| at.raw() != device.raw());
+        let own = own.map(|at| (at, work.1, work.2));
         let own: Vec<BufferUse> = own.chain([work]).collect();
-        let uploaded = (upload, S::TRANSFER, A::TRANSFER_READ);
-        let read_back = (readback, S::TRANSFER, A::TRANSFER_WRITE);
+        let uploaded = (upload.reference(), S::TRANSFER, A::TRANSFER_READ);
+        let read_back = (readback.reference(), S::TRANSFER, A::TRANSFER_WRITE);
         let mut uses = [
             [&own[..], &[uploaded]].concat(),
             [&own[..], &[uploaded, read_back]].concat(),
@@ -306,18 +346,9 @@ impl Pass {
     /// # Errors
     /// As [`write_inputs`](Self::write_inputs).
     pub fn write_frame(&self, upload: &mut [u8]) -> Result<()> {
-        let PassPlan { layouts, cameras, settings, frame, .. } = &self.plan;
-        for copy in &layouts.frame {
-            if copy.id == BufferId::Lights {
-                put(upload, copy.mapped, bytemuck::cast_slice(&light_texels(&frame.shape.lights)))?;
-                continue;
-            }
-            let mut at = copy.mapped;
-            for view in cameras {
-                let texels = camera_texels(&view.camera, settings);
-                put(upload, at, bytemuck::cast_slice(&texels))?;
-                at += size_of_val(&texels) as u64;
-            }
+        for (id, bytes) in self.plan.view_inputs(false).all() {
+            let copy = self.plan.layouts.frame.iter().find(|copy| copy.id == id);
+            copy.map_or(Ok(()), |copy| put(upload, copy.mapped, bytes))?;
         }
         Ok(())
     }
@@ -332,12 +363,14 @@ impl Pass {
         let mut recorder = Recorder::on_host(&self.rasterizer.device, commands);
         recorder.begin_label("setup");
         recorder.barrier();
-        self.copy_in(&mut recorder, &self.plan.layouts.setup)?;
+        self.copy_in(&mut recorder, OF_FRAME, &self.plan.layouts.setup)?;
         // If a frame is recorded but never executed, its gradients find no tiles, rather than a number left in memory.
         let counts = self.part(BufferId::TileCounts)?;
-        recorder.fill(&counts, 0, counts.range() / 4 * 4, 0)?;
+        recorder.fill(counts, 0, counts.range() / 4 * 4, 0)?;
         for (at, draws) in &self.draws {
-            recorder.copy(&self.upload, *at, draws, 0, draws.range())?;
+            if let Some(staging) = &self.staging[OF_FRAME] {
+                recorder.copy(&staging.upload, *at, draws, 0, draws.range())?;
+            }
         }
         recorder.barrier();
         for step in &self.setup {
@@ -363,21 +396,27 @@ impl Pass {
         if self.plan.frame.shape.device_counts && self.counts.is_none() {
             return misfit("the pass has no counts".into(), "bind them with Pass::bind_counts");
         }
-        let mut recorder = Recorder::on_host(&self.rasterizer.device, commands);
+        self.record_forward_with(&mut Recorder::on_host(&self.rasterizer.device, commands), None)?;
+        self.recorded.fetch_max(FORWARD, Ordering::Relaxed);
+        Ok(())
+    }
+
+    /// Records a frame, whose setup and counts are there.
+    pub(crate) fn record_forward_with(&self, recorder: &mut Recorder<'_>, times: Option<&TimestampPool>) -> Result<()> {
+        let layouts = &self.plan.layouts;
         recorder.begin_label("pass");
         recorder.barrier();
-        self.copy_in(&mut recorder, &self.plan.layouts.frame)?;
+        self.copy_in(recorder, OF_FRAME, &layouts.frame)?;
         for step in &self.vertices {
-            step.record(&mut recorder)?;
+            step.record(recorder)?;
         }
         if let Some(counts) = &self.counts {
-            counts.record(&mut recorder)?;
+            counts.record(recorder)?;
             recorder.barrier();
         }
-        self.rasterizer.forward(&mut recorder, &self.plan.frame, &self.frame, None)?;
-        self.copy_out(&mut recorder, &self.plan.layouts.forward)?;
+        self.rasterizer.forward(recorder, &self.plan.frame, &self.frame, times)?;
+        self.copy_out(recorder, OF_FRAME, &layouts.forward)?;
         recorder.end_label();
-        self.recorded.fetch_max(FORWARD, Ordering::Relaxed);
         Ok(())
     }
 
@@ -403,15 +442,23 @@ impl Pass {
     /// [`Error::Backward`] for a pass without gradients; [`Error::Host`] where no frame was recorded since the pass was bound or
     /// changed; otherwise as [`record_setup`](Self::record_setup).
     pub fn record_backward(&self, commands: &mut HostCommands) -> Result<()> {
-        let (Some(plan), Some(bindings)) = (&self.plan.gradients, &self.gradients) else {
-            let what = "the pass computes no gradients".into();
-            return Err(Error::Backward { what, fix: "plan it with PassBuilder::gradients".into() });
-        };
+        self.gradient_plan()?;
         self.needs(FORWARD, "record_forward")?;
-        let mut recorder = Recorder::on_host(&self.rasterizer.device, commands);
-        self.rasterizer.backward(&mut recorder, plan, bindings, None)?;
-        self.record_back(&mut recorder)?;
-        self.copy_out(&mut recorder, &self.plan.layouts.backward)
+        self.record_backward_with(&mut Recorder::on_host(&self.rasterizer.device, commands), None)
+    }
+
+    /// Records the gradients of a frame that was recorded.
+    pub(crate) fn record_backward_with(
+        &self,
+        recorder: &mut Recorder<'_>,
+        times: Option<&TimestampPool>,
+    ) -> Result<()> {
+        let (plan, layout) = (self.gradient_plan()?, &self.plan.layouts.gradients);
+        let Some(bindings) = &self.gradients else { return Ok(()) };
+        self.copy_in(recorder, OF_GRADIENTS, &layout.upstream)?;
+        self.rasterizer.backward(recorder, plan, bindings, times)?;
+        self.record_back(recorder)?;
+        self.copy_out(recorder, OF_GRADIENTS, &layout.outputs)
     }
 
     /// Records the writing of gradients into the meshes' arrays. An array that several meshes share is cleared first;
@@ -433,16 +480,24 @@ impl Pass {
         Ok(())
     }
 
-    fn copy_in<'a>(&self, recorder: &mut Recorder<'_>, copies: impl IntoIterator<Item = &'a Copy>) -> Result<()> {
+    /// Copies inputs of the frame or of its gradients from where the host wrote them, unless it wrote them where they belong.
+    fn copy_in<'a>(
+        &self,
+        recorder: &mut Recorder<'_>,
+        of: usize,
+        copies: impl IntoIterator<Item = &'a Copy>,
+    ) -> Result<()> {
+        let Some(staging) = &self.staging[of] else { return Ok(()) };
         for copy in copies {
-            recorder.copy(&self.upload, copy.mapped, &self.part(copy.id)?, copy.at, copy.size)?;
+            recorder.copy(&staging.upload, copy.mapped, self.part(copy.id)?, copy.at, copy.size)?;
         }
         Ok(())
     }
 
-    fn copy_out(&self, recorder: &mut Recorder<'_>, copies: &[Copy]) -> Result<()> {
+    fn copy_out(&self, recorder: &mut Recorder<'_>, of: usize, copies: &[Copy]) -> Result<()> {
+        let Some(staging) = &self.staging[of] else { return Ok(()) };
         for copy in copies {
-            recorder.copy(&self.part(copy.id)?, copy.at, &self.readback, copy.mapped, copy.size)?;
+            recorder.copy(self.part(copy.id)?, copy.at, &staging.readback, copy.mapped, copy.size)?;
         }
         if !copies.is_empty() {
             recorder.barrier();
@@ -450,8 +505,8 @@ impl Pass {
         Ok(())
     }
 
-    fn part(&self, id: BufferId) -> Result<BufferPart> {
-        self.find(id).map(|at| BufferPart::of_host(&self.rasterizer.device, &at)).ok_or_else(|| Error::Host {
+    fn part(&self, id: BufferId) -> Result<&BufferPart> {
+        self.buffers.iter().find(|(own, _)| *own == id).map(|(_, part)| part).ok_or_else(|| Error::Host {
             what: format!("there is no buffer `{id}`"),
             fix: "plan and bind the pass anew".into(),
         })

@@ -126,7 +126,10 @@ impl PassPlan {
     /// Sets settings with their final near and far, and lights, if these need the same kernels and buffers.
     pub(super) fn set_frame(&mut self, settings: Settings, cutoff: f64, lights: Option<Lights>) -> Result<()> {
         let lights_used = lights.as_ref().unwrap_or(&self.frame.shape.lights);
-        let push = self.frame.push_with(&settings, cutoff, lights_used)?;
+        let push = self.frame.push_with(&settings, cutoff, lights_used)?.ok_or_else(|| Error::Host {
+            what: "outputs, modes, shading or the number of lights are others than were planned".into(),
+            fix: "plan and rebind".into(),
+        })?;
         if let Some(gradients) = &mut self.gradients {
             gradients.set_push(push, &self.frame, lights_used, self.builder.largest_upstream);
         }

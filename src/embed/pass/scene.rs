@@ -37,7 +37,7 @@ impl Pass {
         }
         plan.set_frame(plan.settings.clone(), shape.cutoff, Some(shape.lights))?;
         let changes = tables.update(&scene);
-        plan.builder.content = Content::Scene(Arc::new(scene));
+        plan.builder.content = Content::Scene(Some(Arc::new(scene)));
         self.forget_frame();
         Ok(changes)
     }
@@ -69,7 +69,11 @@ impl Pass {
         let mut recorder = Recorder::on_host(&self.rasterizer.device, commands);
         recorder.begin_label("scene");
         recorder.barrier();
-        self.copy_in(&mut recorder, self.plan.layouts.setup.iter().filter(|copy| changes.has(copy.id)))?;
+        self.copy_in(
+            &mut recorder,
+            super::OF_FRAME,
+            self.plan.layouts.setup.iter().filter(|copy| changes.has(copy.id)),
+        )?;
         recorder.barrier();
         recorder.end_label();
         Ok(())
@@ -80,7 +84,7 @@ impl PassPlan {
     /// The scene that it draws; `None` for a host's meshes.
     pub(super) fn scene(&self) -> Option<&Scene> {
         match &self.builder.content {
-            Content::Scene(scene) => Some(scene),
+            Content::Scene(scene) => scene.as_deref(),
             Content::Meshes { .. } => None,
         }
     }

@@ -91,7 +91,7 @@ impl Rasterizer {
         &self,
         placed: &Placed,
         buffers: &MeshBuffers,
-        draws: &BufferRef,
+        draws: &BufferPart,
         frame: &FrameBindings,
         gradients: Option<&GradientBindings>,
     ) -> Result<BoundMesh> {
@@ -103,9 +103,9 @@ impl Rasterizer {
         }
         // Without draws nothing is recorded.
         let draws = if geometry.draws().is_empty() {
-            BufferPart::of_host(&self.device, draws)
+            draws.clone()
         } else {
-            BufferPart::texels_of_host(&self.device, draws, TexelFormat::Uint4, "draws")?
+            draws.with_texels(&self.device, TexelFormat::Uint4, "draws")?
         };
         let binder = Binder { rasterizer: self, placed, buffers, draws, frame };
         let mut bound = BoundMesh { setup: Vec::new(), texels: Vec::new(), vertices: Vec::new(), back: Vec::new() };

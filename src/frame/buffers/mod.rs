@@ -2,14 +2,10 @@
 
 mod counts;
 mod parts;
-#[cfg(feature = "renderer")]
-mod set;
 mod table;
 
 pub use counts::{ForwardCounts, GradientCounts, TableLengths, Totals, bytes};
 pub use parts::Parts;
-#[cfg(feature = "renderer")]
-pub use set::{BufferSet, Contents};
 pub use table::{BufferId, Formula};
 
 use crate::vulkan::{kernels, vk};

@@ -8,6 +8,7 @@ mod update;
 
 pub use layout::{AppearanceShape, MeshLayout, MeshShape, TableLayout};
 pub use update::InputChanges;
+pub(crate) use update::ViewInputs;
 
 use crate::constants as c;
 use crate::frame::buffers::BufferId;
@@ -65,6 +66,18 @@ impl MeshTables {
             tables.normals = scene.meshes.iter().flat_map(normal_values).collect();
         }
         tables
+    }
+
+    /// Takes over a scene, laid out anew where its shapes or triangles are others, and returns the tables that differ. A
+    /// [`Texture`] that is a clone of the last one is not compared.
+    #[cfg(feature = "renderer")]
+    pub(crate) fn renew(&mut self, scene: &Scene, adjacency: bool) -> InputChanges {
+        let same_shapes = self.shapes.iter().eq(scene.meshes.iter().map(MeshShape::of).collect::<Vec<_>>().iter());
+        if same_shapes && (!adjacency || !self.adjacency.is_empty()) && self.has_triangles_of(scene) {
+            return self.update(scene);
+        }
+        *self = Self::new(scene, adjacency);
+        InputChanges::ALL
     }
 
     /// The bytes of each table and the buffer that takes them; empty for a table that the meshes do not need.

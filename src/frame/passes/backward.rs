@@ -44,9 +44,6 @@ use BackwardStage as S;
 /// How many stages a backward pass has.
 pub const BACKWARD_COUNT: usize = BackwardStage::ALL.len();
 
-/// Timestamps that a backward pass writes: before the first stage and after each.
-pub const BACKWARD_TIMESTAMPS: u32 = BACKWARD_COUNT as u32 + 1;
-
 impl BackwardStage {
     /// Every stage, in the order in which they run.
     pub const ALL: [Self; 13] = [

@@ -33,9 +33,6 @@ pub enum ForwardStage {
 /// How many stages a forward frame has.
 pub const FORWARD_COUNT: usize = ForwardStage::ALL.len();
 
-/// Timestamps that a forward frame writes: before the first stage and after each.
-pub const FORWARD_TIMESTAMPS: u32 = FORWARD_COUNT as u32 + 1;
-
 impl ForwardStage {
     /// Every stage, in the order in which they run.
     pub const ALL: [Self; 9] = [

@@ -6,8 +6,8 @@
 mod backward;
 mod forward;
 
-pub use backward::{BACKWARD_COUNT, BACKWARD_TIMESTAMPS, BackwardStage, BackwardStages, record_backward};
-pub use forward::{FORWARD_COUNT, FORWARD_TIMESTAMPS, ForwardStage, ForwardStages, record_forward};
+pub use backward::{BACKWARD_COUNT, BackwardStage, BackwardStages, record_backward};
+pub use forward::{FORWARD_COUNT, ForwardStage, ForwardStages, record_forward};
 
 use crate::Result;
 use crate::constants as c;

@@ -1,8 +1,8 @@
 //! Buffers that we make and own, with the host's access to those that are mapped.
 
-use super::super::buffer_desc::{BufferDesc, Location, TexelFormat};
-use super::super::buffer_part::{BufferPart, create_view};
-use super::super::keep::{Kept, Uses};
+use super::super::buffer_desc::{BufferDesc, Location};
+use super::super::buffer_part::BufferPart;
+use super::super::keep::{Keep, Kept, Uses};
 use super::super::result::Named;
 use super::access::{Access, HostUse, Mapped, MappedMut};
 use super::allocation::allocation;
@@ -24,8 +24,6 @@ pub struct Buffer {
 struct BufferInner {
     shared: Arc<ContextInner>,
     raw: vk::Buffer,
-    /// Null where there is none.
-    view: vk::BufferView,
     /// Null until memory is bound.
     allocation: Allocation,
     /// The host may use the mapping. gpu-allocator maps whatever can be, but what one device maps, another does not.
@@ -33,7 +31,6 @@ struct BufferInner {
     access: Arc<Access>,
     name: String,
     size: u64,
-    usage: vk::BufferUsageFlags,
 }
 
 impl Buffer {
@@ -57,24 +54,22 @@ impl Buffer {
         let mut inner = BufferInner {
             shared: shared.clone(),
             raw,
-            view: vk::BufferView::null(),
             allocation: Allocation::default(),
             host: false,
             access: Arc::new(Access::new(desc.name)),
             name: desc.name.to_string(),
             size,
-            usage,
         };
         device.name_object(raw, desc.name);
         inner.allocate(desc.location)?;
-        if let Some(texels) = desc.texels {
-            // SAFETY: the buffer has the usage, its memory is bound, and it outlives the view (`BufferInner::drop`).
-            inner.view = unsafe { create_view(device, raw, 0, size, texels, desc.name) }?;
-        }
         let inner = Arc::new(inner);
-        let view = desc.texels.map(|texels| (inner.view, texels));
-        let device = device.raw().handle();
-        let whole = BufferPart { device, raw, offset: 0, range: size, usage, view, keep: Some(inner.clone()) };
+        let handle = device.raw().handle();
+        let keep = Some(inner.clone() as Keep);
+        let whole = BufferPart { device: handle, raw, offset: 0, range: size, usage, view: None, keep };
+        let whole = match desc.texels {
+            Some(format) => whole.with_texels(device, format, desc.name)?,
+            None => whole,
+        };
         Ok(Self { inner, whole })
     }
 
@@ -83,73 +78,33 @@ impl Buffer {
         &self.whole
     }
 
-    /// A part of it, without a texel view.
-    pub fn part(&self, offset: u64, range: u64) -> Result<BufferPart> {
-        self.check(offset, range)?;
-        Ok(BufferPart { offset, range, view: None, ..self.whole.clone() })
-    }
-
-    /// A part of it with a texel view of its own. The buffer must have been made with `texels` or the usage.
-    pub fn texel_part(&self, offset: u64, range: u64, format: TexelFormat) -> Result<BufferPart> {
-        self.check(offset, range)?;
-        if !self.inner.usage.contains(vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER) {
-            return Err(self.misuse("it was made without the usage UNIFORM_TEXEL_BUFFER"));
-        }
-        let part = self.part(offset, range)?;
-        // SAFETY: usage and range were checked, and the part keeps the buffer.
-        unsafe { part.with_view(&self.inner.shared.device, format, &self.inner.name) }
-    }
-
     /// Its size in bytes, as rounded up.
     pub fn size(&self) -> u64 {
         self.inner.size
     }
 
-    /// The host can [`write`](Self::write) and [`read`](Self::read) it.
+    /// The host can read and write its [`bytes`](Self::bytes).
     pub fn is_mapped(&self) -> bool {
         self.inner.mapped().is_some()
     }
 
-    /// Writes bytes at an offset. Commands that are submitted from now on read them.
+    /// Bytes at an offset where they are, as of the last [`barrier_to_host`](crate::vulkan::Recorder::barrier_to_host) executed. Until
+    /// they are dropped, no command buffer that uses this buffer can be submitted.
     ///
     /// # Errors
     /// [`Error::Vulkan`] where the bytes lie outside the buffer, the host cannot map it, or a pending command buffer uses
     /// it.
-    pub fn write(&mut self, offset: u64, bytes: &[u8]) -> Result<()> {
-        let (target, _use) = self.map(offset, bytes.len() as u64)?;
-        // SAFETY: the target has room for the bytes and is not in use by the device (`map`); `&mut self` excludes slices of
-        // it, so `bytes` does not overlap with it.
-        unsafe { std::ptr::copy_nonoverlapping(bytes.as_ptr(), target.as_ptr(), bytes.len()) };
-        Ok(())
-    }
-
-    /// Reads bytes at an offset, as of the last [`barrier_to_host`](crate::vulkan::Recorder::barrier_to_host) executed.
-    ///
-    /// # Errors
-    /// As [`write`](Self::write).
-    pub fn read(&self, offset: u64, bytes: &mut [u8]) -> Result<()> {
-        let (source, _use) = self.map(offset, bytes.len() as u64)?;
-        // SAFETY: the source has as many bytes and is not in use by the device (`map`); the host writes it through `&mut self`
-        // only, and `bytes`, a `&mut`, cannot be a part of it.
-        unsafe { std::ptr::copy_nonoverlapping(source.as_ptr(), bytes.as_mut_ptr(), bytes.len()) };
-        Ok(())
-    }
-
-    /// The bytes that [`read`](Self::read) would copy, where they are. Until they are dropped, no command buffer that uses
-    /// this buffer can be submitted.
-    ///
-    /// # Errors
-    /// As [`write`](Self::write).
     pub fn bytes(&self, offset: u64, range: u64) -> Result<Mapped<'_>> {
         let (source, used) = self.map(offset, range)?;
         // SAFETY: the mapping lives as long as `self`, host writers need `&mut self`, and `used` is of this buffer.
         Ok(unsafe { Mapped::new(NonNull::slice_from_raw_parts(source, range as usize), used) })
     }
 
-    /// Bytes at an offset, to be filled where they are; otherwise as [`bytes`](Self::bytes).
+    /// Bytes at an offset, to be filled where they are, for commands that are submitted from now on; otherwise as
+    /// [`bytes`](Self::bytes).
     ///
     /// # Errors
-    /// As [`write`](Self::write).
+    /// As [`bytes`](Self::bytes).
     pub fn bytes_mut(&mut self, offset: u64, range: u64) -> Result<MappedMut<'_>> {
         let (target, used) = self.map(offset, range)?;
         // SAFETY: the mapping lives as long as `self`, which is borrowed mutably, and `used` is of this buffer.
@@ -232,11 +187,8 @@ impl Kept for BufferInner {
 impl Drop for BufferInner {
     fn drop(&mut self) {
         let device = self.shared.device.raw();
-        // SAFETY: the device is done with both: whatever recorded them kept this Inner until then. Null is ignored.
-        unsafe {
-            device.destroy_buffer_view(self.view, self.shared.device.callbacks());
-            device.destroy_buffer(self.raw, None);
-        }
+        // SAFETY: the device is done with it: whatever recorded it kept this Inner until then.
+        unsafe { device.destroy_buffer(self.raw, None) };
         let allocation = std::mem::take(&mut self.allocation);
         if !allocation.is_null() {
             // An allocation of this allocator can always be freed.

@@ -75,14 +75,11 @@ impl CommandBuffer {
     /// The error that `work` returns; otherwise as [`settle`](Self::settle).
     pub fn record(&mut self, work: impl FnOnce(&mut Recorder<'_>) -> Result<()>) -> Result<()> {
         self.settle()?;
-        self.state = State::Empty;
-        self.uses = Uses::default();
-        self.dispatches = 0;
+        self.clear();
         let device = self.shared.device.clone();
         // SAFETY: the device is not using the buffer (`settle`), and `&mut self` keeps other threads out of the pool.
         unsafe { device.raw().reset_command_pool(self.pool, vk::CommandPoolResetFlags::empty()) }
             .named("vkResetCommandPool")?;
-        self.keep.clear();
         // SAFETY: the buffer was just reset.
         unsafe { device.raw().begin_command_buffer(self.raw, &vk::CommandBufferBeginInfo::default()) }
             .named("vkBeginCommandBuffer")?;
@@ -97,6 +94,16 @@ impl CommandBuffer {
         self.dispatches = dispatches;
         self.state = State::Recorded;
         Ok(())
+    }
+
+    /// Forgets what was recorded, and lets go of all that it kept. What cannot be waited for stays; the next recording says so.
+    pub fn clear(&mut self) {
+        if self.settle().is_ok() {
+            self.state = State::Empty;
+            self.uses = Uses::default();
+            self.dispatches = 0;
+            self.keep.clear();
+        }
     }
 
     /// Dispatches that were recorded; 0 for an empty command buffer.

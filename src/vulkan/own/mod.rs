@@ -9,7 +9,6 @@ mod disk_cache;
 mod instance;
 mod loader;
 mod select;
-mod shared_buffer;
 mod validation;
 
 pub(super) use access::Access;
@@ -21,4 +20,3 @@ pub(super) use disk_cache::DiskCache;
 use instance::INSTALL;
 pub(super) use instance::Instance;
 pub use loader::Loader;
-pub use shared_buffer::SharedBuffer;

@@ -5,8 +5,8 @@ use super::super::kernel::Member;
 use super::{COUNT, LOCAL, Outcome, PUSH, Record, SelfTest, context, error, texel};
 use crate::vulkan::{
     BindingKind, Buffer, BufferDesc, BufferPart, BufferRef, CacheFolder, CommandBuffer, Context, ContextOptions,
-    DescriptorPool, Device, HostAdapter, HostCommands, HostDevice, Location, Pipeline, Recorder, SharedBuffer,
-    SpecValue, TexelFormat, TimestampPool, kernels,
+    DescriptorPool, Device, HostAdapter, HostCommands, HostDevice, Location, Pipeline, Recorder, SpecValue,
+    TexelFormat, TimestampPool, kernels,
 };
 
 #[test]
@@ -21,7 +21,7 @@ fn a_kernel_runs_end_to_end() -> Outcome {
     // Recorded once, submitted often; then recorded anew.
     commands.submit_and_wait()?;
     commands.record(|recorder| {
-        recorder.fill(test.records.whole(), 0, test.records.buffer().size(), 0)?;
+        recorder.fill(test.records.whole(), 0, test.records.size(), 0)?;
         recorder.barrier();
         test.record(recorder)
     })?;
@@ -46,8 +46,6 @@ fn fill_copy_and_timestamps() -> Outcome {
             recorder.reset_timestamps(times)?;
             recorder.timestamp(times, 0)?;
         }
-        test.texels.record_upload(recorder)?;
-        test.indices.record_upload(recorder)?;
         recorder.fill(arguments.whole(), 4, 4, COUNT.div_ceil(LOCAL))?;
         recorder.fill(arguments.whole(), 8, 8, 1)?;
         recorder.barrier();
@@ -58,7 +56,6 @@ fn fill_copy_and_timestamps() -> Outcome {
         recorder.fill(arguments.whole(), 12, 4, 77)?;
         recorder.barrier();
         recorder.copy(arguments.whole(), 4, host.whole(), 16, 12)?;
-        test.records.record_download(recorder)?;
         recorder.barrier_to_host();
         match &times {
             Some(times) => (1..3).try_for_each(|i| recorder.timestamp(times, i)),
@@ -68,9 +65,8 @@ fn fill_copy_and_timestamps() -> Outcome {
     assert_eq!(commands.dispatches(), 1);
     commands.submit_and_wait()?;
     test.assert_result()?;
-    let mut words = [0u32; 3];
-    host.read(16, bytemuck::cast_slice_mut(&mut words))?;
-    assert_eq!(words, [COUNT.div_ceil(LOCAL), 1, 77]);
+    let bytes = host.bytes(16, 12)?;
+    assert_eq!(bytemuck::cast_slice::<u8, u32>(&bytes), [COUNT.div_ceil(LOCAL), 1, 77]);
     if let Some(times) = times {
         let ms = times.read(3)?;
         assert!(ms[0] == 0.0 && ms[1] > 0.0 && ms[2] >= ms[1] && ms[2] < 60_000.0, "{ms:?}");
@@ -83,21 +79,20 @@ fn fill_copy_and_timestamps() -> Outcome {
 fn parts_of_a_buffer_are_bound_by_offset() -> Outcome {
     let context = context()?;
     let test = SelfTest::new(&context)?;
-    let desc = BufferDesc { name: "arena", size: 1 << 20, texels: Some(TexelFormat::Float), ..Default::default() };
-    let mut arena = SharedBuffer::for_upload(&context, &desc)?;
+    let (location, texels) = (Location::Upload, Some(TexelFormat::Float));
+    let mut arena =
+        Buffer::new(&context, &BufferDesc { name: "arena", size: 1 << 20, location, texels, ..Default::default() })?;
     let values: Vec<[f32; 4]> = (0..COUNT).map(texel).collect();
-    arena.write(1 << 16, bytemuck::cast_slice(&values))?;
-    let part = arena.buffer().texel_part(1 << 16, u64::from(COUNT) * 16, TexelFormat::Float4)?;
+    arena.bytes_mut(1 << 16, 16 * u64::from(COUNT))?.copy_from_slice(bytemuck::cast_slice(&values));
+    let part = arena.whole().part(1 << 16, u64::from(COUNT) * 16)?;
+    let part = part.with_texels(context.device(), TexelFormat::Float4, "part")?;
     let set = DescriptorPool::new(context.device(), &[&kernels::SELFTEST])?.bind(
         &test.pipeline,
         &[("Records", test.records.whole()), ("texels", &part), ("indices", test.indices.whole())],
     )?;
     let test = SelfTest { set, ..test };
     let mut commands = CommandBuffer::new(&context, "part")?;
-    commands.record(|recorder| {
-        arena.record_upload(recorder)?;
-        test.record(recorder)
-    })?;
+    commands.record(|recorder| test.record(recorder))?;
     // The command buffer keeps the arena and the view.
     drop((arena, part));
     commands.submit_and_wait()?;
@@ -178,8 +173,7 @@ fn objects_may_be_dropped_in_any_order() -> Outcome {
     drop((context, set, pipeline));
     commands.submit_and_wait()?;
     drop(commands);
-    let mut first = [0; 4];
-    records.read(0, &mut first)?;
+    drop(records.bytes(0, 4)?);
     drop(records);
     assert_eq!(log.messages(), Vec::<String>::new());
     Ok(())
@@ -236,7 +230,7 @@ fn a_host_records_with_its_own_device() -> Outcome {
     let raw = |b: &BufferPart| unsafe { BufferRef::new(b.raw(), b.range(), b.usage()) };
     let (texels, indices) = (raw(test.texels.whole()), raw(test.indices.whole()));
     let records = BufferPart::of_host(&device, &raw(test.records.whole()));
-    let texels_of = |at, format, name| BufferPart::texels_of_host(&device, at, format, name);
+    let texels_of = |at, format, name| BufferPart::of_host(&device, at).with_texels(&device, format, name);
     let texels = texels_of(&texels, TexelFormat::Float4, "the host's texels")?;
     let indices = texels_of(&indices, TexelFormat::Uint, "the host's indices")?;
     let useless = error(texels_of(&raw(test.records.whole()), TexelFormat::Uint, "records"));
@@ -244,16 +238,12 @@ fn a_host_records_with_its_own_device() -> Outcome {
     let set = pool.bind(&pipeline, &[("texels", &texels), ("indices", &indices), ("Records", &records)])?;
     let mut commands = CommandBuffer::new(&host, "host")?;
     commands.record(|recorder| {
-        test.texels.record_upload(recorder)?;
-        test.indices.record_upload(recorder)?;
         // SAFETY: the command buffer records; pipeline and set live to the end of the test.
         let mut commands = unsafe { HostCommands::new(recorder.raw()) };
         let mut ours = Recorder::on_host(&device, &mut commands);
         ours.barrier();
         let groups = [COUNT.div_ceil(LOCAL), 1, 1];
         ours.dispatch(&pipeline, &set, bytemuck::bytes_of(&PUSH), groups)?;
-        ours.barrier();
-        test.records.record_download(recorder)?;
         recorder.barrier_to_host();
         Ok(())
     })?;

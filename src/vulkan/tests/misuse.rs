@@ -79,9 +79,12 @@ fn misuse_is_an_error_that_names_it() -> Outcome {
     let foreign = SelfTest::new(&other)?;
     let foreign = recording(&|r| r.dispatch(&foreign.pipeline, &foreign.set, push, [1; 3]));
     assert!(foreign.contains("another device"), "{foreign}");
-    let buffer = test.records.buffer();
-    assert!(error(buffer.part(8, u64::MAX)).contains("outside"));
-    assert!(error(buffer.texel_part(0, 16, TexelFormat::Uint)).contains("UNIFORM_TEXEL_BUFFER"));
+    let part = test.records.whole();
+    assert!(error(part.part(8, u64::MAX)).contains("outside"));
+    let texels = |device| error(part.with_texels(device, TexelFormat::Uint, "records"));
+    assert!(texels(context.device()).contains("UNIFORM_TEXEL_BUFFER"));
+    let of_another = test.texels.whole().with_texels(other.device(), TexelFormat::Uint, "texels");
+    assert!(error(of_another).contains("another device"));
     assert_eq!(context.validation_messages(), Vec::<String>::new());
     Ok(())
 }

@@ -6,8 +6,8 @@ mod misuse;
 mod soundness;
 
 use super::{
-    BufferDesc, CacheFolder, Context, ContextOptions, DescriptorPool, DescriptorSet, Pipeline, Recorder, SharedBuffer,
-    TexelFormat, constants, kernels,
+    Buffer, BufferDesc, CacheFolder, Context, ContextOptions, DescriptorPool, DescriptorSet, Location, Pipeline,
+    Recorder, TexelFormat, constants, kernels,
 };
 
 type Outcome = Result<(), Box<dyn std::error::Error>>;
@@ -48,24 +48,28 @@ fn error<T>(result: crate::Result<T>) -> String {
 
 /// Buffers, pipeline and set of the self test.
 struct SelfTest {
-    texels: SharedBuffer,
-    indices: SharedBuffer,
-    records: SharedBuffer,
+    texels: Buffer,
+    indices: Buffer,
+    records: Buffer,
     pipeline: Pipeline,
     set: DescriptorSet,
 }
 
 impl SelfTest {
     fn new(context: &Context) -> crate::Result<Self> {
-        let buffer =
-            |name, size, texels| BufferDesc { name, size: u64::from(COUNT) * size, texels, ..Default::default() };
-        let mut texels = SharedBuffer::for_upload(context, &buffer("texels", 16, Some(TexelFormat::Float4)))?;
-        let mut indices = SharedBuffer::for_upload(context, &buffer("indices", 4, Some(TexelFormat::Uint)))?;
-        let records = SharedBuffer::for_download(context, &buffer("records", 48, None))?;
+        let buffer = |name, size, texels, location| {
+            Buffer::new(
+                context,
+                &BufferDesc { name, size: u64::from(COUNT) * size, texels, location, ..Default::default() },
+            )
+        };
+        let mut texels = buffer("texels", 16, Some(TexelFormat::Float4), Location::Upload)?;
+        let mut indices = buffer("indices", 4, Some(TexelFormat::Uint), Location::Upload)?;
+        let records = buffer("records", 48, None, Location::Readback)?;
         let values: Vec<[f32; 4]> = (0..COUNT).map(texel).collect();
         let order: Vec<u32> = (0..COUNT).map(|i| COUNT - 1 - i).collect();
-        texels.write(0, bytemuck::cast_slice(&values))?;
-        indices.write(0, bytemuck::cast_slice(&order))?;
+        texels.bytes_mut(0, 16 * u64::from(COUNT))?.copy_from_slice(bytemuck::cast_slice(&values));
+        indices.bytes_mut(0, 4 * u64::from(COUNT))?.copy_from_slice(bytemuck::cast_slice(&order));
         let specialization = [("local_size_x", LOCAL.into()), ("TAG", (-3).into()), ("FACTOR", 4.5.into())];
         let cache = Some(context.pipeline_cache());
         let pipeline = Pipeline::new(context.device(), &kernels::SELFTEST, &specialization, cache)?;
@@ -77,22 +81,16 @@ impl SelfTest {
 
     fn record(&self, recorder: &mut Recorder<'_>) -> crate::Result<()> {
         recorder.begin_label("self test");
-        self.texels.record_upload(recorder)?;
-        self.indices.record_upload(recorder)?;
-        recorder.barrier();
         let groups = [COUNT.div_ceil(LOCAL), 1, 1];
         recorder.dispatch(&self.pipeline, &self.set, bytemuck::bytes_of(&PUSH), groups)?;
-        recorder.barrier();
-        self.records.record_download(recorder)?;
         recorder.barrier_to_host();
         recorder.end_label();
         Ok(())
     }
 
     fn assert_result(&self) -> crate::Result<()> {
-        let mut records = vec![bytemuck::Zeroable::zeroed(); COUNT as usize];
-        self.records.read(0, bytemuck::cast_slice_mut::<Record, u8>(&mut records))?;
-        for (i, record) in (0..).zip(records) {
+        let bytes = self.records.bytes(0, 48 * u64::from(COUNT))?;
+        for (i, &record) in (0..).zip(bytemuck::cast_slice::<u8, Record>(&bytes)) {
             let index = COUNT - 1 - i;
             let expected = Record {
                 value: texel(index).map(|v| PUSH.scale * v + constants::SELFTEST_OFFSET),

@@ -38,12 +38,7 @@ fn a_slice_of_a_mapping_and_pending_work_exclude_each_other() -> Outcome {
     assert!(refused.contains("`mapped`") && refused.contains("slice"), "{refused}");
     drop(slice);
     commands.submit()?;
-    for refused in [
-        error(buffer.bytes(0, 16)),
-        error(buffer.read(0, &mut [0; 16])),
-        error(buffer.bytes_mut(0, 16)),
-        error(buffer.write(0, &[0; 16])),
-    ] {
+    for refused in [error(buffer.bytes(0, 16)), error(buffer.bytes_mut(0, 16))] {
         assert!(refused.contains("`mapped`") && refused.contains("pending"), "{refused}");
     }
     // A buffer may be in several pending command buffers.
@@ -75,7 +70,7 @@ fn every_way_to_name_a_buffer_is_seen() -> Outcome {
     let indices_usage = BufferDesc { usage: vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER, ..desc(None) };
     let viewed = Buffer::new(&context, &indices_usage)?;
     let test = SelfTest::new(&context)?;
-    let view = viewed.texel_part(0, 4_000, TexelFormat::Uint)?;
+    let view = viewed.whole().part(0, 4_000)?.with_texels(context.device(), TexelFormat::Uint, "view")?;
     let pool = DescriptorPool::new(context.device(), &[&kernels::SELFTEST])?;
     let parts = [("texels", texels.whole()), ("indices", &view), ("Records", records.whole())];
     let set = pool.bind(&test.pipeline, &parts)?;
