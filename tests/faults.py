@@ -358,7 +358,7 @@ FAULTS = [
     ("a scene of other triangles", "src/frame/pack/update.rs", "own == triangles", "own.len() == triangles.len()", ["embed::scene::a_scene_of"]),
     ("a scene of which everything is copied", "src/embed/pass/scene.rs", "filter(|copy| changes.has(copy.id))", "filter(|_| true)",
      ["embed::scene::a_changed"]),
-    ("a scene that a new plan forgets", "src/embed/pass/scene.rs", "plan.builder.content = Content::Scene(Arc::new(scene));", "drop(scene);",
+    ("a scene that a new plan forgets", "src/embed/pass/scene.rs", "plan.builder.content = Content::Scene(Some(Arc::new(scene)));", "drop(scene);",
      ["embed::scene::a_changed"]),
     ("lights that stay as they were planned", "src/embed/pass/rebind.rs", "self.frame.shape.lights = lights;", "drop(lights);", ["embed::misuse::what_changes"]),
     ("near that stays when matrices change", "src/embed/pass/rebind.rs", "self.builder.resolved(&self.builder.settings, cameras())?",
