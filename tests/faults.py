@@ -423,7 +423,7 @@ FAULTS = [
      ["embed::devices::a_hosts_queries"]),
     ("labels without the prefix", "src/vulkan/recorder.rs", "zip(prefix.bytes().chain(name.bytes()))", "zip(name.bytes())",
      ["unit labels_begin"]),
-    ("a setup that leaves the tiles' counts", "src/embed/pass/mod.rs", "recorder.fill(&counts, 0, counts.range() / 4 * 4, 0)?;",
+    ("a setup that leaves the tiles' counts", "src/embed/pass/mod.rs", "recorder.fill(counts, 0, counts.range() / 4 * 4, 0)?;",
      "recorder.fill(&counts, 0, 0, 0)?;", ["embed::misuse::gradients_of"]),
     ("bits of vertices by what else is asked for", "src/frame/plan/backward.rs", "    walks && modes.near_clip == 0",
      "    walks && modes.gradients & c::GRADIENT_VIEW == 0 && modes.near_clip == 0", ["gradient::per_vertex::they_have"]),
