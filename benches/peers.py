@@ -22,7 +22,7 @@ import time
 
 HOME = pathlib.Path(__file__).resolve().parent.parent
 PACKAGES = ["deodr", "typing_extensions", "trimesh"]
-FIT_PACKAGES = ["pillow", "scipy", HOME / "crates" / "softras-python"]
+FIT_PACKAGES = ["mitsuba", "pillow", "scipy", HOME / "crates" / "softras-python"]
 
 
 def environment(fit):

@@ -1,13 +1,17 @@
-"""Time to a result: softras and deodr fit the same pictures from the same start, with the same optimizer. `peers.py --fit` runs it.
+"""Time to a result: softras, deodr and Mitsuba 3 fit the same pictures from the same start, with the same optimizer. `peers.py --fit` runs it.
 
 Shape: a sphere becomes a mesh, by 12 pictures of 128² of it, in STEPS steps of Adam with smoothed gradients (Nicolet et al., "Large Steps in
 Inverse Rendering of Geometry", 2021). Judged outside the clock by 6 other views. A peer's renderer is called as its documents say; what is not rendering is one
 code for both. The command `softras fit` takes the same pictures as files and begins with a hull; its time is that of the whole program.
 
+Mitsuba runs in one round alone, and only where LLVM 16 or newer is found (DRJIT_LIBLLVM_PATH, or Debian's libllvm19): each of its steps takes as long
+as many of the others.
+
 Pose: 40 rotations of a mesh that is known, from one picture of it, in 150 steps of Adam; beside it `softras.pose`, which chooses its own starts.
 """
 
 import json
+import os
 import pathlib
 import statistics
 import subprocess
@@ -21,6 +25,18 @@ import softras
 from deodr.differentiable_renderer import Camera, Scene3D
 from deodr.triangulated_mesh import ColoredTriMesh
 from PIL import Image
+
+try:
+    newest = sorted(pathlib.Path("/usr/lib").glob("*/libLLVM.so.[12]*"))
+    if newest:
+        os.environ.setdefault("DRJIT_LIBLLVM_PATH", str(newest[-1]))
+    import drjit as dr
+    import mitsuba as mi
+
+    mi.set_variant("llvm_ad_rgb")
+except ImportError as error:
+    print(f"Mitsuba is left out: {error}")
+    mi = None
 
 SIZE, STEPS, POSE_STEPS = 128, 300, 150
 FOCAL = SIZE / 2 / np.tan(np.radians(15))
@@ -110,6 +126,58 @@ class Deodr:
             loss += (difference**2).sum()
             by_vertices += self.mesh._vertices_b
             by_colors += self.mesh.vertices_colors_b[:, :3]
+        return loss, by_vertices, by_colors
+
+
+class Mitsuba:
+    """Images and gradients by Mitsuba 3's projective sampling: of a mesh that glows in its colours, and of one that glows white."""
+
+    name = "mitsuba"
+
+    def __init__(self, faces, views, _, samples=4):
+        sensors = {f"view{i}": self.sensor(view) for i, view in enumerate(views)}
+        self.views, self.samples, self.steps, self.scenes = len(views), samples, 0, []
+        mi.set_log_level(mi.LogLevel.Error)
+        for radiance in ({"type": "mesh_attribute", "name": "vertex_color"}, {"type": "rgb", "value": 1.0}):
+            mesh = mi.Mesh("mesh", int(faces.max()) + 1, len(faces), props=self.glowing(radiance))
+            mesh.add_attribute("vertex_color", 3, np.full(3 * (int(faces.max()) + 1), 0.5))
+            params = mi.traverse(mesh)
+            params["faces"] = faces.astype(np.uint32).ravel()
+            params.update()
+            integrator = {"type": "direct_projective", "sppi": 0, "hide_emitters": False}
+            scene = mi.load_dict({"type": "scene", "integrator": integrator, "mesh": mesh, **sensors})
+            self.scenes.append((scene, mi.traverse(scene)))
+
+    @staticmethod
+    def glowing(radiance):
+        props = mi.Properties()
+        props["emitter"] = mi.load_dict({"type": "area", "radiance": radiance})
+        return props
+
+    @staticmethod
+    def sensor(view):
+        origin = -view.rotation.T @ view.translation
+        film = {"type": "hdrfilm", "width": SIZE, "height": SIZE, "rfilter": {"type": "box"}}
+        place = mi.ScalarTransform4f().look_at(origin.tolist(), [0, 0, 0], [0, 1, 0])
+        return {"type": "perspective", "fov": 30, "to_world": place, "film": film}
+
+    def step(self, vertices, colors, goal, done):
+        loss, by_vertices, by_colors = 0.0, np.zeros_like(vertices), np.zeros_like(colors)
+        self.steps += 1
+        # The mask is each of the three channels of the white one. Without colours to find it is all that there is.
+        for (scene, params), channels in list(zip(self.scenes, ([0, 1, 2], [3, 3, 3])))[int(np.all(colors == 1)) :]:
+            places, paint = mi.Float(vertices.ravel()), mi.Float(colors.ravel())
+            dr.enable_grad(places, paint)
+            params["mesh.vertex_positions"], params["mesh.vertex_color"] = places, paint
+            params.update()
+            for i, picture in enumerate(goal):
+                image = mi.render(scene, params, sensor=i, spp=self.samples, seed=self.steps * self.views + i)
+                difference = dr.square(image - mi.TensorXf(picture[..., channels]))
+                error = dr.sum(difference, axis=None) / (3 if channels[0] == 3 else 1)
+                dr.backward(error)
+                loss += error.array[0]
+            by_vertices += np.array(dr.grad(places)).reshape(vertices.shape)
+            by_colors += np.array(dr.grad(paint)).reshape(colors.shape)
         return loss, by_vertices, by_colors
 
 
@@ -244,8 +312,8 @@ def shapes(program, vertices, faces, colors, rounds):
         look = colors if colored else np.ones_like(colors)
         goal, truth = pictures(vertices, faces, look, FITTED), pictures(vertices, faces, look, HELD_OUT)
         runs = {}
-        for _ in range(rounds):
-            for engine in (Softras, Deodr):
+        for turn in range(rounds):
+            for engine in [Softras, Deodr] + [Mitsuba] * (mi is not None and turn == 0):
                 runs.setdefault(engine.name, []).append(fitted(engine, start, ball_faces, goal, truth, colored))
             runs.setdefault("softras fit", []).append(commanded(program, goal, truth, colored))
         for name, found in runs.items():

@@ -322,7 +322,7 @@ FAULTS = [
     ("renderer: commands of other numbers are kept", "src/renderer/commands.rs", "self.recorded == Some((push, timed))",
      "self.recorded.is_some_and(|(_, times)| times == timed)", ["render::repeat_frames::"]),
     ("renderer: a plan of other depths is kept", "src/embed/pass/own.rs", "*depth_span == shape.depth_span", "shape.views > 0",
-     ["render::repeat_frames::"]),
+     ["render::repeat_frames::a_camera_that"]),
     ("validation: every message accepted", "src/vulkan/own/validation.rs", "id == *accepted && text.contains(about)",
      "id != *accepted || text.contains(about)", ["unit vulkan::own::validation::"]),
     ("an object file is opened as a driver", "src/vulkan/own/loader.rs", "file[16].max(file[17]) != 3", "file[16].max(file[17]) > 3",

@@ -180,7 +180,7 @@ fn a_frame_after_other_normals_is_a_fresh_renderers() {
     let random = &mut Random::new(7);
     let mut state = start(random);
     state.case.scene.lights = Lights { shading: Shading::Smooth, ..Lights::official() };
-    let mut kept = renderer();
+    let mut kept = renderer_with(RendererOptions::default());
     let mut last: Option<Made> = None;
     for _ in 0..3 {
         for mesh in &mut state.case.scene.meshes {
@@ -191,6 +191,20 @@ fn a_frame_after_other_normals_is_a_fresh_renderers() {
         same_made_bits(&found, &due).unwrap();
         assert!(last.is_none_or(|last| same_bits(&last.0, &found.0).is_err()), "the normals do not show");
         last = Some(found);
+    }
+}
+
+/// A camera that comes so near that triangles cross the near plane, or goes so far that they lie beyond the far one, needs other kernels.
+#[test]
+fn a_camera_that_comes_near_and_goes_far_is_as_for_a_fresh_renderer() {
+    let random = &mut Random::new(5);
+    let mut state = start(random);
+    let fresh = || renderer_with(RendererOptions::default());
+    let mut kept = fresh();
+    for eye in [[0.4, 0.7, 3.1], [0.2, 0.4, 1.6], [0.4, 0.7, 3.1], [0.9, 1.5, 9.6], [0.4, 0.7, 3.1]] {
+        state.case.cameras[0] = camera(eye);
+        let (found, due) = (step(&mut kept, &state, 7), step(&mut fresh(), &state, 7));
+        same_made_bits(&found, &due).unwrap_or_else(|error| panic!("{eye:?}: {error}"));
     }
 }
 
