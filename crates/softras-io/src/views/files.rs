@@ -6,13 +6,15 @@ use std::{
 };
 
 /// The endings of pictures, in lower case.
-const ENDINGS: [&str; 7] = ["png", "jpg", "jpeg", "webp", "ppm", "pgm", "bmp"];
+const ENDINGS: [&str; 9] = ["png", "jpg", "jpeg", "webp", "ppm", "pgm", "bmp", "tif", "tiff"];
 /// The folders below a folder of views that may have its pictures.
 const PICTURES: [&str; 4] = ["", "images", "image", "rgb"];
 /// The folders beside pictures that may have their masks.
 const MASKS: [&str; 4] = ["masks", "mask", "silhouettes", "silhouette"];
 /// How the stem of a mask that lies beside its picture ends.
 const MARKS: [&str; 2] = ["_mask", ".mask"];
+/// How the stem of a map ends that lies beside its picture.
+const MAPS: [&str; 3] = ["_depth", "_normal", "_normals"];
 
 /// The pictures of folders, each folder listed once.
 #[derive(Default)]
@@ -50,15 +52,16 @@ impl Files {
         found.next().map(|path| path.strip_prefix(folder).map(Path::to_path_buf).unwrap_or(path))
     }
 
-    /// The pictures of a folder of views that no file names, in the order of their names, relative to it.
+    /// The pictures of a folder of views that no file names, in the order of the numbers in their names, relative to it.
     pub fn pictures(&mut self, folder: &Path) -> Vec<PathBuf> {
         for below in PICTURES {
             let all = self.of(&folder.join(below));
-            let is_mask = |stem: &str| MARKS.iter().any(|mark| stem.ends_with(mark)) || is_picture(Path::new(stem));
+            let is_other =
+                |stem: &str| MARKS.iter().chain(&MAPS).any(|mark| stem.ends_with(mark)) || is_picture(Path::new(stem));
             let mut pictures: Vec<PathBuf> =
-                all.iter().filter(|(stem, _)| !is_mask(stem)).map(|(_, path)| path.clone()).collect();
+                all.iter().filter(|(stem, _)| !is_other(stem)).map(|(_, path)| path.clone()).collect();
             if !pictures.is_empty() {
-                pictures.sort();
+                pictures.sort_by_cached_key(|path| numbered(path));
                 return pictures.iter().filter_map(|path| Some(Path::new(below).join(path.file_name()?))).collect();
             }
         }
@@ -90,20 +93,21 @@ impl Files {
         found.next().or_else(|| self.named(&path, &beside))
     }
 
-    /// The masks of pictures that all lie in one folder: as many as they are, in a folder of masks beside it or in it, in the order of
-    /// their names.
-    pub fn masks_in_order(&mut self, folder: &Path, pictures: &[&Path]) -> Option<Vec<PathBuf>> {
+    /// The masks of pictures that all lie in one folder: as many as they are, in the given folder, or in a folder of masks beside theirs or
+    /// in it, in the order of the numbers in their names.
+    pub fn masks_in_order(&mut self, folder: &Path, pictures: &[&Path], given: Option<&Path>) -> Option<Vec<PathBuf>> {
         let own = pictures.first()?.parent()?;
         if pictures.iter().any(|picture| picture.parent() != Some(own)) {
             return None;
         }
         let mut order: Vec<usize> = (0..pictures.len()).collect();
-        order.sort_by_key(|at| pictures[*at]);
-        let places =
+        order.sort_by_cached_key(|at| numbered(pictures[*at]));
+        let beside =
             [folder.join(own), folder.to_path_buf()].into_iter().flat_map(|at| MASKS.map(|name| at.join(name)));
-        let mut masks = places.map(|masks| self.of(&masks).values().cloned().collect::<Vec<_>>());
+        let places: Vec<PathBuf> = given.map_or_else(|| beside.collect(), |given| vec![given.to_path_buf()]);
+        let mut masks = places.into_iter().map(|masks| self.of(&masks).values().cloned().collect::<Vec<_>>());
         let mut masks = masks.find(|masks| masks.len() == pictures.len())?;
-        masks.sort();
+        masks.sort_by_cached_key(|path| numbered(path));
         let mut of = vec![PathBuf::new(); pictures.len()];
         order.into_iter().zip(masks).for_each(|(at, mask)| of[at] = mask);
         Some(of)
@@ -111,9 +115,23 @@ impl Files {
 }
 
 /// Whether a name ends as those of pictures.
-fn is_picture(path: &Path) -> bool {
+pub fn is_picture(path: &Path) -> bool {
     let ending = path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
     ENDINGS.contains(&&ending[..])
+}
+
+/// The key of the order in which people number files: runs of digits count as numbers, so that `image_2` comes before `image_10`.
+fn numbered(path: &Path) -> (Vec<(String, usize, String)>, PathBuf) {
+    let name = lower(path);
+    let (mut parts, mut rest) = (Vec::new(), &name[..]);
+    while !rest.is_empty() {
+        let (text, behind) = rest.split_at(rest.find(|c: char| c.is_ascii_digit()).unwrap_or(rest.len()));
+        let (digits, behind) = behind.split_at(behind.find(|c: char| !c.is_ascii_digit()).unwrap_or(behind.len()));
+        let digits = digits.trim_start_matches('0');
+        parts.push((text.to_owned(), digits.len(), digits.to_owned()));
+        rest = behind;
+    }
+    (parts, path.to_path_buf())
 }
 
 fn lower(path: &Path) -> String {

@@ -252,6 +252,12 @@ fn found(
             told.add(&file, format!("{what} as its EXIF orientation says"));
         }
         let size = if is_stored { header.stored() } else { (header.width, header.height) };
+        if let Some((width, height)) = entry.scale_to(size) {
+            told.add(
+                &file,
+                format!("its camera, of {width}×{height} pixels, is scaled to the picture's {}×{}", size.0, size.1),
+            );
+        }
         entry.file = file;
         found.push(Found { entry, path: picture, size, is_stored, mask: None, is_named: false });
     }
@@ -285,22 +291,28 @@ fn find_masks(
         }
         one.mask = files.mask(path, &one.entry.file, options.masks.as_deref());
         one.is_named = options.masks.is_some();
-        if let Some(folder) = options.masks.as_ref().filter(|_| one.mask.is_none()) {
-            told.add(&one.entry.file, format!("no mask in {}", folder.display()));
-        }
     }
     if found.iter().any(|one| one.mask.is_some()) {
+        if let Some(folder) = &options.masks {
+            let what = format!("no mask in {}", folder.display());
+            found.iter().filter(|one| one.mask.is_none()).for_each(|one| told.add(&one.entry.file, what.clone()));
+        }
         return Ok(());
     }
-    if let Some(folder) = &options.masks {
-        return refuse(folder, "no mask of any picture", "name masks NAME.png or NAME.jpg.png, as their pictures");
-    }
     let pictures: Vec<&Path> = found.iter().map(|one| one.entry.file.as_path()).collect();
-    if let Some(masks) = files.masks_in_order(path, &pictures) {
-        told.add(&found[0].entry.file, "masks are paired with pictures in the order of their names");
-        found.iter_mut().zip(masks).for_each(|(one, mask)| one.mask = Some(mask));
+    match (files.masks_in_order(path, &pictures, options.masks.as_deref()), &options.masks) {
+        (Some(masks), _) => {
+            let what = "masks are paired with pictures in the order of the numbers in their names";
+            told.add(&found[0].entry.file, what);
+            found.iter_mut().zip(masks).for_each(|(one, mask)| one.mask = Some(mask));
+            Ok(())
+        }
+        (None, Some(folder)) => {
+            let fix = "name masks NAME.png or NAME.jpg.png, as their pictures, or give as many masks as pictures";
+            refuse(folder, "no mask of any picture", fix)
+        }
+        (None, None) => Ok(()),
     }
-    Ok(())
 }
 
 /// A distorted picture as a pinhole camera would have taken it, interpolated between the four pixels around each place, with nothing

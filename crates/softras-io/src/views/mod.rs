@@ -101,7 +101,7 @@ impl Views {
         Ok(Self::open_with(folder, &ViewsOptions::default(), &Budget::new(None))?.0)
     }
 
-    /// Reads a folder of pictures with a file of their cameras, or a .npy file of images (`[N, 4, H, W]` or `[N, H, W, 4]`: RGBA, alpha
+    /// Reads a folder of pictures with a file of their cameras, which may be given in place of the folder, or a .npy file of images (`[N, 4, H, W]` or `[N, H, W, 4]`: RGBA, alpha
     /// is the silhouette; `[N, H, W]`: silhouettes) with a file of theirs (`[N, 3]`: distance, elevation, azimuth in degrees of the
     /// official data, whose images are mirrored; `[N, 4, 4]`: world to view). The silhouette of a picture is the first that there is of a
     /// mask that is named, its alpha, a mask that lies beside it, and what stands out of a plain background of any colour. Pixels of the
@@ -116,6 +116,11 @@ impl Views {
         budget: &Budget,
     ) -> Result<(Self, Vec<PathBuf>, Vec<String>)> {
         let path = path.as_ref();
+        if let Some(folder) = camera_files::folder_of(path).filter(|_| path.is_file() && options.cameras.is_none()) {
+            let folder = if folder == Path::new("") { Path::new(".") } else { folder };
+            let options = ViewsOptions { cameras: Some(path.to_path_buf()), ..options.clone() };
+            return Self::open_with(folder, &options, budget);
+        }
         let (mut files, mut notes) = (vec![path.to_path_buf()], Vec::new());
         files.extend(options.cameras.clone());
         let views = if path.is_dir() {

@@ -93,6 +93,39 @@ fn transforms(folder: &Path, names: &[&str], more: &str) {
     std::fs::write(folder.join("transforms.json"), text).unwrap();
 }
 
+/// Pictures and masks that go together by their order do so by the numbers in their names.
+#[test]
+fn the_second_picture_is_not_the_eleventh() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: String| folder.path().join(name);
+    std::fs::create_dir_all(at("masks".into())).unwrap();
+    let names: Vec<String> = (0..12).map(|i| format!("image_{i}.png")).collect();
+    transforms(folder.path(), &names.iter().map(String::as_str).collect::<Vec<_>>(), "");
+    let is_object = |x: u32, y: u32, i: u32| (4..12).contains(&x) && (4..6 + i).contains(&y);
+    for i in 0..12 {
+        image::RgbImage::from_pixel(24, 24, image::Rgb([90; 3])).save(at(names[i as usize].clone())).unwrap();
+        let mask = image::GrayImage::from_fn(24, 24, |x, y| image::Luma([if is_object(x, y, i) { 255 } else { 0 }]));
+        mask.save(at(format!("masks/cut-{i:03}.png"))).unwrap();
+    }
+    let rows = |options: &ViewsOptions, path: &Path| {
+        let (views, _, notes) = Views::open_with(path, options, &Budget::new(None)).unwrap();
+        assert!(notes.iter().any(|note| note.contains("in the order of the numbers in their names")), "{notes:?}");
+        let masks = views.silhouette.unwrap();
+        masks.data.chunks(24 * 24).map(|mask| mask.iter().sum::<f32>() / 8.0 - 2.0).collect::<Vec<_>>()
+    };
+    let expected: Vec<f32> = (0..12).map(|i| i as f32).collect();
+    assert_eq!(rows(&ViewsOptions::default(), folder.path()), expected);
+    // The file of cameras stands for its folder.
+    assert_eq!(rows(&ViewsOptions::default(), &at("transforms.json".into())), expected);
+    // The same in a folder that is named.
+    std::fs::rename(at("masks".into()), at("cut".into())).unwrap();
+    let named = ViewsOptions { masks: Some(at("cut".into())), ..ViewsOptions::default() };
+    assert_eq!(rows(&named, folder.path()), expected);
+    std::fs::remove_file(at("cut/cut-003.png".into())).unwrap();
+    let refused = Views::open_with(folder.path(), &named, &Budget::new(None)).unwrap_err().to_string();
+    assert!(refused.contains("as many masks as pictures"), "{refused}");
+}
+
 /// Whether a pixel of 48×36 shows the object: an ellipse off the middle, so that no turn of it looks like another.
 fn is_object(x: u32, y: u32) -> bool {
     ((f64::from(x) - 18.0) / 13.0).hypot((f64::from(y) - 15.0) / 8.0) < 1.0

@@ -213,7 +213,9 @@ impl FitArgs {
             return refuse("--template hull: the official method begins with its sphere: leave out one of the two");
         }
         let path = self.views.as_deref().filter(|_| self.from.is_none()).map(Path::new);
-        if path.is_some_and(Path::is_file) {
+        let is_array =
+            |path: &Path| path.extension().is_some_and(|ending| ending == "npy") && !path.ends_with("poses_bounds.npy");
+        if path.is_some_and(|path| path.is_file() && is_array(path)) {
             if self.cameras.is_none() {
                 return refuse("--cameras: images in a .npy file need it");
             }

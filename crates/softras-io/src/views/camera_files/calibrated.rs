@@ -13,7 +13,7 @@ use std::{
 
 /// The words of a picture in a `_par.txt`.
 const COLUMNS: usize = 22;
-const OPENCV: DVec3 = DVec3::new(1.0, -1.0, 1.0);
+pub(super) const OPENCV: DVec3 = DVec3::new(1.0, -1.0, 1.0);
 
 /// The lens of an upper triangular K; `None` for another matrix.
 pub(super) fn lens([[fx, skew, cx], [zero, fy, cy], [a, b, one]]: [[f64; 3]; 3]) -> Option<Lens> {
@@ -55,18 +55,28 @@ pub(super) fn middlebury(path: &Path) -> Result<Vec<Entry>> {
     Ok(views)
 }
 
-/// The pictures of a folder in the order of their names, with the matrices `world_mat_0`, ... of an archive. Where some pictures are
+/// The pictures of a folder in the order of the numbers in their names, with the matrices `world_mat_0`, ... of an archive. Where some pictures are
 /// missing, the numbers in their names tell which.
-pub(super) fn archive(path: &Path, folder: &Path) -> Result<Vec<Entry>> {
+pub(super) fn archive(path: &Path, folder: &Path, notes: &mut Vec<String>) -> Result<Vec<Entry>> {
     let archive = Archive::open(path, Budget::new(Some(MAX_JSON)))?;
     let pictures = Files::default().pictures(folder);
     let count = (0..=MAX_PICTURES).take_while(|i| archive.has(&format!("world_mat_{i}"))).count();
     let numbers = if count > pictures.len() { numbers(&pictures, count) } else { Some((0..pictures.len()).collect()) };
+    if count > 0 && count < pictures.len() {
+        let what = format!("{count} matrices for {} pictures", pictures.len());
+        return Err(archive.fault("world_mat_0", &what, "move files that are no views out of the folder of pictures"));
+    }
     let Some(numbers) = numbers else {
         let what = format!("the folder has only {} pictures", pictures.len());
         let fix = "give a picture for each matrix, in the order of their names, or names with the matrices' numbers";
         return Err(archive.fault(&format!("world_mat_{}", count - 1), &what, fix));
     };
+    if !pictures.is_sorted() {
+        notes.push(format!(
+            "{}: matrices belong to pictures in the order of the numbers in their names",
+            path.display()
+        ));
+    }
     let one = |i: &usize| {
         let key = format!("world_mat_{i}");
         let array =

@@ -1,14 +1,13 @@
-//! cameras.json: a list of pictures, each with its position in one of four forms, and its lens in one of two.
+//! cameras.json: a list of pictures, each with its position in one of four forms, and its lens in one of two; or that which 3D Gaussian
+//! Splatting writes beside what it trains.
 
-use super::{Entry, Lens, calibrated, json, matrix, perspective, posed};
+use super::calibrated::{self, OPENCV};
+use super::{Entry, Lens, json, matrix, perspective, posed};
 use crate::refuse;
 use glam::{DMat4, DVec3};
-use serde::Deserialize;
+use serde::{Deserialize, de::IgnoredAny};
 use softras::{Camera, Result};
-use std::path::Path;
-
-/// Camera axes as in OpenCV: x right, y down, z forward.
-const OPENCV: DVec3 = DVec3::new(1.0, -1.0, 1.0);
+use std::path::{Path, PathBuf};
 
 /// An entry.
 #[derive(Deserialize)]
@@ -33,9 +32,50 @@ struct Listed {
     camera_to_world: Option<[[f64; 4]; 4]>,
 }
 
+/// The fields by which an entry of 3D Gaussian Splatting is told.
+#[derive(Deserialize)]
+struct Probe {
+    img_name: Option<IgnoredAny>,
+    rotation: Option<IgnoredAny>,
+}
+
+/// An entry of 3D Gaussian Splatting.
+#[derive(Deserialize)]
+struct Trained {
+    img_name: PathBuf,
+    width: u32,
+    height: u32,
+    /// The place of the camera, whose axes, the columns of `rotation`, are those of OpenCV.
+    position: [f64; 3],
+    rotation: [[f64; 3]; 3],
+    fx: f64,
+    fy: f64,
+}
+
+/// The pictures of a cameras.json of 3D Gaussian Splatting
+/// (<https://github.com/graphdeco-inria/gaussian-splatting>, `camera_to_JSON`).
+fn splats(path: &Path, bytes: &[u8]) -> Result<Vec<Entry>> {
+    let entries: Vec<Trained> = json(path, bytes, |_| {})?;
+    let one = |(i, entry): (usize, Trained)| {
+        let Trained { img_name, width, height, position: t, rotation: r, fx, fy } = entry;
+        let place = format!("camera {i}");
+        let row = |k: usize| [r[k][0], r[k][1], r[k][2], t[k]];
+        let view = posed(matrix(&[row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]]), true, OPENCV)
+            .or_else(|what| refuse(path, format!("{place}: {what}"), "give rotation as a rotation"))?;
+        let (cx, cy) = (f64::from(width) / 2.0, f64::from(height) / 2.0);
+        let lens = Lens::Pixels { fx, fy, cx, cy, skew: 0.0 };
+        Ok(Entry { size: Some((width, height)), ..Entry::new(img_name, place, view, lens) })
+    };
+    entries.into_iter().enumerate().map(one).collect()
+}
+
 /// The pictures of a cameras.json.
 pub(super) fn read(path: &Path, bytes: &[u8], fov: f64) -> Result<Vec<Entry>> {
-    let entries: Vec<Listed> = json(path, bytes)?;
+    let is_splat = |probe: &Vec<Probe>| probe.iter().all(|one| one.img_name.is_some() && one.rotation.is_some());
+    if serde_json::from_slice(bytes).is_ok_and(|probe: Vec<Probe>| !probe.is_empty() && is_splat(&probe)) {
+        return splats(path, bytes);
+    }
+    let entries: Vec<Listed> = json(path, bytes, |_| {})?;
     let one = |(i, entry): (usize, Listed)| {
         let place = format!("camera {i}");
         let view = position(&entry).or_else(|(what, fix)| refuse(path, format!("{place}{what}"), fix))?;

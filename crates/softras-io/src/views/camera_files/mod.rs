@@ -1,5 +1,5 @@
-//! The files that say from where pictures were taken: cameras.json, NeRF's transforms.json, COLMAP's models, Middlebury's
-//! `_par.txt`, and the cameras.npz of IDR and NeuS.
+//! The files that say from where pictures were taken: cameras.json, that of 3D Gaussian Splatting too, NeRF's transforms.json, COLMAP's
+//! models, Middlebury's `_par.txt`, the cameras.npz of IDR and NeuS, LLFF's poses_bounds.npy, and the folders `pose` of NSVF and SRN.
 //!
 //! Each gives the pictures with a pose and a lens. Their camera axes differ, and become x right, y up, z forward here. A pixel
 //! position counts from the upper left corner of the picture, so that the centre of the first pixel is (0.5, 0.5).
@@ -7,12 +7,14 @@
 mod calibrated;
 mod colmap;
 mod list;
+mod missing;
+mod poses;
 mod transforms;
 mod write;
 
 pub use write::{cameras, files, names};
 
-use crate::{input, refuse, text};
+use crate::{input, refuse, text, views::files::Files};
 use glam::{DMat3, DMat4, DVec3, DVec4};
 use softras::{Camera, Error, Projection, Result};
 use std::path::{Path, PathBuf};
@@ -67,27 +69,13 @@ enum Lens {
 /// # Errors
 /// [`Error::File`] naming the place and the field, or the line, of anything that does not belong there.
 pub fn read(folder: &Path, given: Option<&Path>, fov: f64, notes: &mut Vec<String>) -> Result<(PathBuf, Vec<Entry>)> {
-    let given = given.map(|given| if given.is_dir() { found(given) } else { Some(given.to_path_buf()) });
-    let path = given.unwrap_or_else(|| found(folder)).unwrap_or_else(|| folder.join(NAMES[0]));
-    if !path.exists() {
-        return refuse(&path, "not found", FORMAT);
-    }
-    let views = if path.extension().is_some_and(|extension| extension == "npz") {
-        calibrated::archive(&path, folder)?
-    } else if is_middlebury(&path) {
-        calibrated::middlebury(&path)?
-    } else if path.extension().is_some_and(|extension| extension == "txt" || extension == "bin") {
-        colmap::read(&path)?
-    } else {
-        let bytes = input::read(&path, MAX_JSON)?;
-        input::refuse_empty(&path, bytes.len() as u64)?;
-        let text = text::whole(&path, bytes)?;
-        let is_object = text.trim_start().starts_with('{');
-        if is_object {
-            transforms::read(&path, text.as_bytes(), fov)?
-        } else {
-            list::read(&path, text.as_bytes(), fov)?
+    let (path, views) = match given {
+        Some(given) if given.is_dir() => {
+            first(folder, &candidates(given), notes, fov)?.map_or_else(|| missing::refuse(given), Ok)?
         }
+        Some(given) if !given.exists() => return refuse(given, "not found", missing::FORMAT),
+        Some(given) => (given.to_path_buf(), one(given, folder, fov, notes)?),
+        None => first(folder, &candidates(folder), notes, fov)?.map_or_else(|| missing::refuse(folder), Ok)?,
     };
     match views.len() {
         0 => return refuse(&path, "is a list without cameras", "give at least one picture with its camera"),
@@ -108,8 +96,63 @@ pub fn read(folder: &Path, given: Option<&Path>, fov: f64, notes: &mut Vec<Strin
     Ok((path, views))
 }
 
+/// The folder of pictures that a file of cameras is given for: its own, or that above a COLMAP model. `None` for a file of another kind.
+pub fn folder_of(file: &Path) -> Option<&Path> {
+    let extension = file.extension()?;
+    let is_one =
+        ["json", "txt", "bin", "npz"].iter().any(|one| extension == *one) || file.ends_with("poses_bounds.npy");
+    let is_of_model = |folder: &&Path| ["0", "sparse", "colmap"].iter().any(|name| folder.ends_with(name));
+    is_one.then(|| file.ancestors().skip(1).find(|folder| !is_of_model(folder)))?
+}
+
+/// Reads a file of cameras for a folder of pictures.
+fn one(path: &Path, folder: &Path, fov: f64, notes: &mut Vec<String>) -> Result<Vec<Entry>> {
+    let extension = path.extension().unwrap_or_default();
+    if extension == "npz" {
+        return calibrated::archive(path, folder, notes);
+    }
+    if extension == "npy" {
+        return poses::llff(path, folder);
+    }
+    if is_middlebury(path) {
+        return calibrated::middlebury(path);
+    }
+    if path.ends_with(poses::INTRINSICS) {
+        return poses::folder(path, folder);
+    }
+    if extension == "txt" || extension == "bin" {
+        return colmap::read(path);
+    }
+    let bytes = input::read(path, MAX_JSON)?;
+    input::refuse_empty(path, bytes.len() as u64)?;
+    let text = text::whole(path, bytes)?;
+    let is_object = text.trim_start().starts_with('{');
+    if is_object { transforms::read(path, text.as_bytes(), fov, notes) } else { list::read(path, text.as_bytes(), fov) }
+}
+
+/// The first of some files whose cameras can be read and have pictures in the folder, with a note on those before it; where there is none,
+/// the first, or its error.
+fn first(folder: &Path, paths: &[PathBuf], notes: &mut Vec<String>, fov: f64) -> Result<Option<(PathBuf, Vec<Entry>)>> {
+    let (mut files, mut failed) = (Files::default(), None);
+    for path in paths {
+        let mut told = Vec::new();
+        let read = one(path, folder, fov, &mut told);
+        let is_there = |entry: &Entry| files.picture(folder, &entry.file).is_some();
+        if read.as_ref().is_ok_and(|entries| entries.iter().any(is_there)) || paths.len() == 1 {
+            if let Some((path, what)) = failed.map(|(path, read): (&PathBuf, Result<Vec<Entry>>)| (path, read.err())) {
+                let what = what.map_or_else(|| "none of its pictures is there".to_owned(), |error| error.to_string());
+                notes.push(format!("{} is left out: {what}", path.display()));
+            }
+            notes.append(&mut told);
+            return read.map(|entries| Some((path.clone(), entries)));
+        }
+        failed.get_or_insert((path, read));
+    }
+    failed.map(|(path, read)| Ok((path.clone(), read?))).transpose()
+}
+
 /// The files of cameras that a folder is searched for, besides those of Middlebury.
-const NAMES: [&str; 7] = [
+const NAMES: [&str; 9] = [
     "cameras.json",
     "transforms.json",
     "transforms_train.json",
@@ -117,33 +160,54 @@ const NAMES: [&str; 7] = [
     "images.bin",
     "cameras.npz",
     "cameras_sphere.npz",
+    "poses_bounds.npy",
+    poses::INTRINSICS,
 ];
 
 /// The folders below a folder of pictures that have COLMAP's model.
 const MODELS: [&str; 4] = ["", "sparse/0", "sparse", "colmap/sparse/0"];
 
-/// The file of cameras of a folder, or of the model in it.
-fn found(folder: &Path) -> Option<PathBuf> {
-    MODELS.iter().find_map(|model| {
+/// The files of cameras of a folder, and of the models in it.
+fn candidates(folder: &Path) -> Vec<PathBuf> {
+    let of_model = |model: &str| {
         let folder = folder.join(model);
-        let files = || Some(std::fs::read_dir(&folder).ok()?.filter_map(|entry| Some(entry.ok()?.path())));
-        let listed = || files()?.filter(|path| is_middlebury(path)).min();
-        NAMES.map(|name| folder.join(name)).into_iter().find(|path| path.exists()).or_else(listed)
-    })
+        let files = std::fs::read_dir(&folder).into_iter().flatten().filter_map(|entry| Some(entry.ok()?.path()));
+        let listed = files.filter(|path| is_middlebury(path)).min();
+        NAMES.map(|name| folder.join(name)).into_iter().filter(|path| path.exists()).chain(listed)
+    };
+    MODELS.into_iter().flat_map(of_model).collect()
 }
 
 fn is_middlebury(path: &Path) -> bool {
     path.file_name().is_some_and(|name| name.to_string_lossy().ends_with("_par.txt"))
 }
 
-/// The remedy that shows the form of a cameras.json.
-const FORMAT: &str = "write it, as [{\"file\": \"0.png\", \"distance\": 3, \"elevation\": 20, \"azimuth\": 45}, \
-    {\"file\": \"1.png\", \"eye\": [0, 1, 3], \"target\": [0, 0, 0], \"fov\": 30}], or give a transforms.json (NeRF) or \
-    the files of a COLMAP model";
-
 impl Entry {
     fn new(file: impl Into<PathBuf>, place: String, view: DMat4, lens: Lens) -> Self {
         Self { file: file.into(), size: None, place, view, lens, bend: None, mask: None, is_stored: true }
+    }
+
+    /// Scales the camera to a picture that is smaller or larger than the file says, in both directions alike up to rounding. Returns the
+    /// size that the file says if it does.
+    pub fn scale_to(&mut self, (width, height): (u32, u32)) -> Option<(u32, u32)> {
+        let (w, h) = self.size.filter(|size| *size != (width, height))?;
+        let [width, height, w, h] = [width, height, w, h].map(f64::from);
+        let (along, down) = (width / w, height / h);
+        // Each side may be rounded up or down to whole pixels.
+        if (along * h - height).abs() >= 1.0 && (down * w - width).abs() >= 1.0 {
+            return None;
+        }
+        match &mut self.lens {
+            Lens::Pixels { fx, fy, cx, cy, skew } => {
+                (*fx, *cx, *skew) = (*fx * along, *cx * along, *skew * along);
+                (*fy, *cy) = (*fy * down, *cy * down);
+            }
+            Lens::Angles { center: [x, y], .. } => {
+                (*x, *y) = (x.map(|x| x * along), y.map(|y| y * down));
+            }
+            Lens::Degrees(_) => {}
+        }
+        self.size.replace((width as u32, height as u32))
     }
 
     /// Whether the camera is one of pictures as an EXIF orientation turns them from the stored size to another.
@@ -256,15 +320,19 @@ fn matrix(rows: &[[f64; 4]; 4]) -> DMat4 {
     DMat4::from_cols_array_2d(rows).transpose()
 }
 
-/// Parses JSON of typed fields; the error names the place of what does not belong there.
-fn json<'a, T: serde::Deserialize<'a>>(path: &Path, bytes: &'a [u8]) -> Result<T> {
+/// Parses JSON of typed fields; the error names the place of what does not belong there, and `ignored` is given the names of fields that
+/// the type does not have.
+fn json<'a, T: serde::Deserialize<'a>>(path: &Path, bytes: &'a [u8], mut ignored: impl FnMut(String)) -> Result<T> {
     let json = &mut serde_json::Deserializer::from_slice(bytes);
     let refuse = |what: String| refuse(path, what, "see docs/cameras.md");
-    let parsed: T = match serde_path_to_error::deserialize(&mut *json) {
+    let mut track = serde_path_to_error::Track::new();
+    let tracked = serde_path_to_error::Deserializer::new(&mut *json, &mut track);
+    let mut note = |field: serde_ignored::Path<'_>| ignored(field.to_string());
+    let parsed: T = match T::deserialize(serde_ignored::Deserializer::new(tracked, &mut note)) {
         Ok(parsed) => parsed,
         Err(error) => {
-            let place = crate::text::name(&error.path().to_string());
-            return refuse(format!("at {place}: {}", error.inner()));
+            let place = crate::text::name(&track.path().to_string());
+            return refuse(format!("at {place}: {error}"));
         }
     };
     match json.end() {

@@ -136,6 +136,123 @@ fn points_project_by_colmap() {
     assert_eq!([&views[0].file, &views[1].file], [Path::new("a picture.png"), Path::new("b.png")]);
 }
 
+/// The camera's place in the world.
+fn eye() -> [f64; 3] {
+    let (_, r, t) = pose();
+    [0, 1, 2].map(|i| -(0..3).map(|k| r[k][i] * t[k]).sum::<f64>())
+}
+
+/// A .npy file of doubles.
+fn npy(shape: &str, values: &[f64]) -> Vec<u8> {
+    let header = format!("{{'descr': '<f8', 'fortran_order': False, 'shape': ({shape}), }}");
+    let mut bytes = b"\x93NUMPY\x01\x00\x76\x00".to_vec();
+    bytes.extend(format!("{header:<117}\n").bytes());
+    bytes.extend(values.iter().flat_map(|x| x.to_le_bytes()));
+    bytes
+}
+
+#[test]
+fn points_project_by_poses_in_files_of_numbers() {
+    let ((_, r, _), eye) = (pose(), eye());
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let camera = |file: &str| {
+        let (path, views) = read(folder.path(), Some(&at(file)), 30.0, &mut Vec::new()).unwrap();
+        assert_eq!(views.len(), 2);
+        let mut view = views[1].clone();
+        view.scale_to(SIZE);
+        view.camera(&path, SIZE).unwrap()
+    };
+    let assert_seen = |camera: &Camera, lens: [f64; 4]| {
+        POINTS.iter().for_each(|&p| assert_close(by_camera(camera, p), by_intrinsics(in_camera(p), lens)));
+    };
+    for name in ["a.png", "b.png", "b_mask.png"] {
+        fs::write(at(name), "").unwrap();
+    }
+    // A picture of half the size that is said.
+    let hwf = [80.0, 120.0, 110.0];
+    let row = [0, 1, 2].map(|i| [r[1][i], r[0][i], -r[2][i], eye[i], hwf[i]]).concat();
+    let rows = [&row[..], &[1.0, 9.0], &row, &[1.0, 9.0]].concat();
+    fs::write(at("poses_bounds.npy"), npy("2, 17", &rows)).unwrap();
+    assert_seen(&camera("poses_bounds.npy"), [55.0, 55.0, 30.0, 20.0]);
+    fs::write(at("poses_bounds.npy"), npy("1, 17", &rows[..17])).unwrap();
+    let refused = read(folder.path(), None, 30.0, &mut Vec::new()).unwrap_err().to_string();
+    assert!(refused.contains("1 poses for 2 pictures"), "{refused}");
+
+    fs::create_dir(at("pose")).unwrap();
+    let pose = [0, 1, 2].map(|i| format!("{} {} {} {}\n", r[0][i], r[1][i], r[2][i], eye[i])).concat() + "0 0 0 1\n";
+    ["pose/a.txt", "pose/b.txt"].map(|name| fs::write(at(name), &pose).unwrap());
+    for (text, lens) in [
+        ("50 0 28 0\n0 55 23 0\n0 0 1 0\n0 0 0 1\n", LENS),
+        ("50 0 28\n0 55 23\n0 0 1\n", LENS),
+        ("110. 58. 42. 0.\n0. 0. 0.\n1.\n1.\n80 120\n", [55.0, 55.0, 29.0, 21.0]),
+    ] {
+        fs::write(at("intrinsics.txt"), text).unwrap();
+        assert_seen(&camera("intrinsics.txt"), lens);
+    }
+    fs::write(at("pose/b.txt"), "1 2 3").unwrap();
+    let refused = read(folder.path(), Some(&at("intrinsics.txt")), 30.0, &mut Vec::new()).unwrap_err().to_string();
+    assert!(refused.contains("b.txt: not 16 numbers"), "{refused}");
+
+    let rotation = [0, 1, 2].map(|i| [r[0][i], r[1][i], r[2][i]]);
+    let splat = format!(
+        r#"[{{"id": 0, "img_name": "b", "width": 120, "height": 80, "position": {eye:?}, "rotation": {rotation:?}, "fy": 100, "fx": 110}}]"#
+    );
+    fs::write(at("cameras.json"), &splat).unwrap();
+    fs::write(at("intrinsics.txt"), "1").unwrap();
+    let (path, mut views) = read(folder.path(), None, 30.0, &mut Vec::new()).unwrap();
+    assert_eq!(views[0].scale_to(SIZE), Some((120, 80)));
+    assert_seen(&views[0].camera(&path, SIZE).unwrap(), [55.0, 50.0, 30.0, 20.0]);
+
+    // A file whose pictures are elsewhere does not hide the next one.
+    fs::write(at("cameras.json"), splat.replace("\"b\"", "\"absent\"")).unwrap();
+    fs::write(at("poses_bounds.npy"), npy("2, 17", &rows)).unwrap();
+    let mut notes = Vec::new();
+    let (path, _) = read(folder.path(), None, 30.0, &mut notes).unwrap();
+    assert!(path.ends_with("poses_bounds.npy") && notes.len() == 1, "{path:?} {notes:?}");
+    assert!(notes[0].contains("cameras.json is left out: none of its pictures is there"), "{notes:?}");
+}
+
+/// A picture may be smaller or larger than its camera says, by the same factor along both sides.
+#[test]
+fn cameras_are_scaled_to_their_pictures() {
+    let [_, back] = matrices([1.0, -1.0, -1.0]);
+    let lens = |w: u32, h: u32| {
+        format!("\"fl_x\": 100, \"fl_y\": 110, \"cx\": 56, \"cy\": 46, \"w\": {w}, \"h\": {h}, \"near\": 1,")
+    };
+    let file = |lens: &str| {
+        let folder = tempfile::tempdir().unwrap();
+        let frames = format!(r#"[{{"file_path": "a", "transform_matrix": {back}, "timestamp": 1.5}}]"#);
+        fs::write(folder.path().join("transforms.json"), format!(r#"{{{lens} "frames": {frames}}}"#)).unwrap();
+        let mut notes = Vec::new();
+        let (path, views) = read(folder.path(), None, 30.0, &mut notes).unwrap();
+        assert!(notes.len() == 1 && notes[0].ends_with("fields that are not used: near, timestamp"), "{notes:?}");
+        (path, views[0].clone())
+    };
+    let (path, mut view) = file(&lens(120, 80));
+    assert_eq!((view.scale_to(SIZE), view.scale_to(SIZE)), (Some((120, 80)), None));
+    let camera = view.camera(&path, SIZE).unwrap();
+    POINTS.iter().for_each(|&p| assert_close(by_camera(&camera, p), by_intrinsics(in_camera(p), LENS)));
+    // A side that was rounded to whole pixels.
+    assert_eq!(file(&lens(121, 80)).1.scale_to(SIZE), Some((121, 80)));
+    assert_eq!(file(&lens(124, 80)).1.scale_to(SIZE), None);
+    assert_eq!(file(&lens(80, 120)).1.scale_to(SIZE), None);
+}
+
+#[test]
+fn a_folder_without_cameras_is_told_what_it_has() {
+    let folder = tempfile::tempdir().unwrap();
+    let below = folder.path().join("photos/images");
+    fs::create_dir_all(&below).unwrap();
+    let refused = || read(&below, None, 30.0, &mut Vec::new()).unwrap_err().to_string();
+    assert!(refused().contains("not found: write it"), "{}", refused());
+    fs::write(below.join("cameras.sfm"), "{}").unwrap();
+    assert!(refused().contains("cameras.sfm (Meshroom) is not read: write it"), "{}", refused());
+    fs::create_dir_all(folder.path().join("photos/sparse/0")).unwrap();
+    fs::write(folder.path().join("photos/sparse/0/images.txt"), "").unwrap();
+    assert!(refused().contains("give the folder that has images.txt: "), "{}", refused());
+}
+
 #[test]
 fn what_is_written_is_read_again() {
     let eyes = [[0.0, 1.0, 3.0], [2.0, -1.0, 1.0]];
@@ -189,7 +306,7 @@ fn malformed_files_are_refused_by_their_place() {
         (list("\"eye\": [0, 0, 4], \"fovy\": 60".into()), "at [0].fovy: unknown field"),
         (list("\"eye\": [0, 0, 4], \"fov\": 1e300".into()), "camera 0: camera: fov_y"),
         (list("\"distance\": 3, \"elevation\": 0, \"azimuth\": 0, \"up\": [0, 1, 0]".into()), "give eye"),
-        (nerf("", ", \"fl\": 3"), "at frames[0].fl: unknown field"),
+        (nerf("", ", \"fl\": 3"), "no focal length, and fields that are not known: fl"),
         (nerf("\"fl_x\": \"50\",", ""), "at fl_x: invalid type: string"),
         (nerf("\"k3\": 0.1,", ""), "distortion"),
         (nerf("\"is_fisheye\": true,", ""), "distortion"),
@@ -198,7 +315,7 @@ fn malformed_files_are_refused_by_their_place() {
         (nerf("", ", \"frames\": [{}]"), "frames within a frame"),
         (nerf("\"fl_x\": 50,", ""), "without a principal point"),
         (nerf("\"camera_angle_x\": 3.2,", ""), "frames[0]: camera_angle_x"),
-        (nerf("\"w\": 61, \"h\": 40,", ""), "is 60×40 pixels, and not 61×40"),
+        (nerf("\"w\": 65, \"h\": 40,", ""), "is 60×40 pixels, and not 65×40"),
         (vec![("transforms.json", "{\"frames\": []}".into())], "without cameras"),
         (colmap("7 PINHOLE 60 40 50 55 28", images(7)), "cameras.txt:1: 4 numbers are expected"),
         (colmap("7 FOV 60 40 50 55 28 23 1", images(7)), "camera model that is not read"),

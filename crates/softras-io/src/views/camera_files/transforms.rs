@@ -5,19 +5,22 @@
 //! the scenes of the NeRF paper.
 
 use super::{Entry, Lens, json, matrix, posed};
-use crate::refuse;
+use crate::{refuse, text};
 use glam::DVec3;
 use serde::Deserialize;
 use softras::Result;
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// Camera axes as in OpenGL.
-const OPENGL: DVec3 = DVec3::new(1.0, 1.0, -1.0);
+pub(super) const OPENGL: DVec3 = DVec3::new(1.0, 1.0, -1.0);
+/// The most fields that a note names.
+const MOST_NAMED: usize = 12;
 
 /// The whole file or one of its frames, whose fields replace the file's. Fields that scale or bound a radiance field's scene, or
-/// describe how it was made, have nothing to do with cameras: they are parsed, so that their types are tested, and not used.
+/// describe how it was made, have nothing to do with cameras: the common ones are parsed, so that their types are tested, and not used. A note
+/// names all others.
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
 #[allow(dead_code)]
 struct Transforms {
     #[serde(default)]
@@ -55,8 +58,21 @@ struct Transforms {
 }
 
 /// The pictures of a transforms.json.
-pub(super) fn read(path: &Path, bytes: &[u8], fov: f64) -> Result<Vec<Entry>> {
-    let file: Transforms = json(path, bytes)?;
+pub(super) fn read(path: &Path, bytes: &[u8], fov: f64, notes: &mut Vec<String>) -> Result<Vec<Entry>> {
+    let mut others: BTreeSet<String> = BTreeSet::new();
+    let file: Transforms = json(path, bytes, |field| {
+        // The same field of every frame is told once.
+        others.insert(text::name(field.rsplit('.').next().unwrap_or_default()));
+    })?;
+    if !others.is_empty() {
+        let names = others.into_iter().take(MOST_NAMED).collect::<Vec<_>>().join(", ");
+        let has_lens = |part: &Transforms| part.fl_x.is_some() || part.camera_angle_x.is_some();
+        if !has_lens(&file) && !file.frames.iter().all(has_lens) {
+            let what = format!("no focal length, and fields that are not known: {names}");
+            return refuse(path, what, "give fl_x or camera_angle_x, or --fov without these fields");
+        }
+        notes.push(format!("{}: fields that are not used: {names}", path.display()));
+    }
     let of_frame = file.file_path.is_some() || file.transform_matrix.is_some() || file.mask_path.is_some();
     if of_frame || file.frames.iter().any(|frame| !frame.frames.is_empty()) {
         let what = "a frame outside of `frames`, or frames within a frame";
