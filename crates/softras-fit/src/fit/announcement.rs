@@ -2,12 +2,15 @@
 
 use super::{
     begin::takes_hull,
-    options::{FitOptions, Template},
+    options::{FitOptions, Preset, Template},
     setup::{FEW_UNTIL, iterations, views_per_step},
 };
 use crate::{
     ShapeFit, ShapeOptions,
-    photographs::{refine::settings, subject::Subject},
+    photographs::{
+        refine::{settings, views_of_steps},
+        subject::Subject,
+    },
     work::Work,
 };
 use softras::{Error, Mesh, Renderer, Result, scene::Appearance, shapes};
@@ -42,15 +45,28 @@ pub fn tell(options: &FitOptions, subject: &Subject, work: &mut Work) -> Result<
     let about = match seconds(options, subject, &fitted, work.renderer) {
         // The sphere that is timed may need more than the fit does.
         Err(Error::OutOfMemory { .. } | Error::Limit { .. }) => String::new(),
-        each => match WHOLE * each? * views * steps as f64 {
-            seconds if seconds < 90.0 => format!("; about {seconds:.0} s"),
-            seconds => format!("; about {:.0} min", seconds / 60.0),
-        },
+        each => {
+            let each = WHOLE * each?;
+            let [trial, rest] = refined(options, subject.views.cameras.len()).map(|views| each * views);
+            let more =
+                if rest > 0.0 { format!(", and {} more if its cameras are off", lasting(rest)) } else { String::new() };
+            format!("; about {}{more}", lasting(each * views * steps as f64 + trial))
+        }
     };
     let count = fitted.len();
     work.plan(&format!(
         "{count} views of {width}×{height} pixels are fitted{judges}: {steps} steps from {start}{texture}{about}"
     ))
+}
+
+/// The views of all steps that refine cameras: of the trial, and of what may follow.
+fn refined(options: &FitOptions, count: usize) -> [f64; 2] {
+    let keeps = options.keep_cameras || options.preset == Preset::Quick || options.keeps_shape();
+    views_of_steps(count).filter(|_| !keeps).unwrap_or_default()
+}
+
+fn lasting(seconds: f64) -> String {
+    if seconds < 90.0 { format!("{seconds:.0} s") } else { format!("{:.0} min", seconds / 60.0) }
 }
 
 /// The seconds of a view in a step, by those of a sphere in some views.

@@ -17,6 +17,8 @@ use softras_io::Views;
 
 /// Voxels along a side of the grid of the 3D IoU, as in the SoftRas paper.
 const VOXELS: usize = 32;
+/// A smaller mask IoU than this of views is that of pictures that do not show one solid.
+const FAR: f64 = 0.75;
 
 /// The mean; 0 of nothing.
 pub fn mean(values: &[f64]) -> f64 {
@@ -194,6 +196,17 @@ impl Scores {
     /// The mean mask IoU over the views that were held out; `None` where none was.
     pub fn held_out_mask_iou(&self) -> Option<f64> {
         (!self.held_out.is_empty()).then(|| mean_of(&self.masks, &self.held_out))
+    }
+
+    /// A sentence for the user where the mesh is far from what the views show; `None` where it is not.
+    pub fn warning(&self) -> Option<String> {
+        let iou = self.held_out_mask_iou().unwrap_or_else(|| mean(&self.masks));
+        (self.masks.len() > 1 && iou < FAR).then(|| {
+            format!(
+                "the silhouettes do not fit one solid (mask IoU {iou:.2}): check that each camera belongs to its picture, and that masks, or \
+                 what was cut out of a plain background, show the object alone"
+            )
+        })
     }
 
     /// The main scores as a sentence.

@@ -103,6 +103,15 @@ impl Disagreement {
     }
 }
 
+/// Whether cameras of this many views may be refined at all, and if so the views of all steps, each as dear as one of a fit's first steps:
+/// of a trial, and of what follows where it is promising.
+pub fn views_of_steps(count: usize) -> Option<[f64; 2]> {
+    let of = |stages: &[RefineStage], count: usize| -> f64 {
+        stages.iter().map(|stage| (stage.steps * count) as f64 / (stage.shrink * stage.shrink) as f64).sum()
+    };
+    (count >= FEWEST).then(|| [of(&TRIAL, count.min(MOST_TRIED)), of(&STAGES, count)])
+}
+
 /// Refines the cameras of views that do not agree, and notes by how much. Their masks may have been narrowed.
 pub fn refined(subject: &mut Subject, is_narrowed: bool, work: &mut Work) -> Result<()> {
     let is_rigid = |camera: &Camera| camera.intrinsics((1, 1)).is_some();

@@ -16,6 +16,8 @@ use std::path::{Path, PathBuf};
 /// Pixels of the pictures that are looked at for a plain background before all are read, and the most pictures.
 const LOOKED_AT: u64 = 24_000_000;
 const MOST_LOOKED_AT: usize = 12;
+/// Pixels of the pictures that are decoded at once.
+const AT_ONCE: u64 = 16_000_000;
 /// Bytes of a pixel of the largest picture while it is decoded and cut out, and of one that is kept.
 const READ_BYTES: u64 = 24;
 const KEPT_BYTES: u64 = 6;
@@ -84,6 +86,15 @@ impl Told {
         }
     }
 
+    fn extend(&mut self, others: Self) {
+        for (name, what, more) in others.0 {
+            match self.0.iter_mut().find(|(_, other, _)| *other == what) {
+                Some((_, _, before)) => *before += 1 + more,
+                None => self.0.push((name, what, more)),
+            }
+        }
+    }
+
     fn notes(self) -> impl Iterator<Item = String> {
         self.0.into_iter().map(|(name, what, more)| match more {
             0 => format!("{name}: {what}"),
@@ -118,10 +129,14 @@ pub fn read(
     }
     let shared = shared_background(path, &found)?;
     let (count, mut bare, mut album) = (found.len(), 0, Album::default());
-    for (one, camera) in found.into_iter().zip(cameras) {
-        match one.picture(shared.as_ref(), &mut told)? {
-            Some(picture) => album.add(picture, camera, Some(one.entry.file.display().to_string()), most),
-            None => bare += 1,
+    let at_once = at_once(&sizes);
+    for (some, cameras) in found.chunks(at_once).zip(cameras.chunks(at_once)) {
+        for ((one, camera), (picture, own)) in some.iter().zip(cameras).zip(pictures(some, shared.as_ref())) {
+            told.extend(own);
+            match picture? {
+                Some(picture) => album.add(picture, *camera, Some(one.entry.file.display().to_string()), most),
+                None => bare += 1,
+            }
         }
     }
     if 2 * bare > count {
@@ -140,6 +155,29 @@ pub fn read(
     };
     (views.depth, views.normal) = (maps(Map::Depth, &options.depths)?, maps(Map::Normal, &options.normals)?);
     Ok(views)
+}
+
+/// Pictures that are decoded at once: as many as there are cores, unless they are large.
+fn at_once(sizes: &[(u32, u32)]) -> usize {
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let largest = sizes.iter().map(|size| u64::from(size.0) * u64::from(size.1)).max().unwrap_or(1);
+    cores.min((AT_ONCE / largest.max(1)) as usize).max(1)
+}
+
+/// What each picture shows, with its notes, each on a thread of its own.
+fn pictures(found: &[Found], shared: Option<&Plain>) -> Vec<(Result<Option<RgbaImage>>, Told)> {
+    let read = |one: &Found| {
+        let mut told = Told::default();
+        (one.picture(shared, &mut told), told)
+    };
+    if let [one] = found {
+        return vec![read(one)];
+    }
+    std::thread::scope(|scope| {
+        let threads: Vec<_> = found.iter().map(|one| scope.spawn(move || read(one))).collect();
+        let joined = threads.into_iter().map(|thread| thread.join());
+        joined.map(|read| read.unwrap_or_else(|panic| std::panic::resume_unwind(panic))).collect()
+    })
 }
 
 /// The most pixels that are kept along a side of an object; `None` where pictures are kept whole.
@@ -166,7 +204,8 @@ pub fn claim(
         }
         None => pixels.saturating_mul(options.bytes_per_pixel),
     };
-    let bytes = pixels().map(one).fold(READ_BYTES * pixels().max().unwrap_or(0), u64::saturating_add);
+    let decoded = READ_BYTES * at_once(sizes) as u64 * pixels().max().unwrap_or(0);
+    let bytes = pixels().map(one).fold(decoded, u64::saturating_add);
     budget.claim(path, &format!("a fit to {} pictures", sizes.len()), bytes)
 }
 

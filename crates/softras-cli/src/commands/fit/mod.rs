@@ -87,7 +87,7 @@ pub fn run(args: &FitArgs) -> Result<(), Failure> {
         let report = report::json(args, &fitted, renderer.device_name());
         output::write_file(path, report.to_string().as_bytes())?;
     }
-    report::tell(out, &fitted)?;
+    report::tell(out, &fitted, ["auto", "hull"].contains(&&args.template[..]))?;
     if fitted.is_complete { Ok(()) } else { Err(Failure::Interrupted) }
 }
 
@@ -138,7 +138,10 @@ fn subject(
 ) -> Result<Subject, Failure> {
     let Some(Loaded { mesh, origin, .. }) = from else {
         let path = Path::new(args.views.as_deref().unwrap_or_default());
-        let (views, files, notes) = Views::open_with(path, &args.views_options(), budget)?;
+        let progress = Progress::spinner("pictures");
+        let read = Views::open_with(path, &args.views_options(), budget);
+        drop(progress);
+        let (views, files, notes) = read?;
         notes.iter().for_each(|text| note(text));
         outputs.spare(files)?;
         return Ok(Subject::of(views)?);

@@ -69,11 +69,15 @@ fn name(regularizer: Regularizer) -> &'static str {
 }
 
 /// Prints the result of a fit.
-pub fn tell(out: &Path, fitted: &Fitted) -> Result<(), Failure> {
+pub fn tell(out: &Path, fitted: &Fitted, begins_with_hull: bool) -> Result<(), Failure> {
     let (vertices, triangles) = (fitted.mesh.positions().len(), fitted.mesh.triangles().len());
     let least = fitted.losses().iter().map(|l| l.1).fold(f64::INFINITY, f64::min);
     for reason in fitted.scores.unseen.reasons(|view| fitted.views.name(view)) {
-        note(&format!("the mesh {reason} (--template hull begins with the holes and parts of the silhouettes)"));
+        let remedy = " (--template hull begins with the holes and parts of the silhouettes)";
+        note(&format!("the mesh {reason}{}", if begins_with_hull { "" } else { remedy }));
+    }
+    if let Some(warning) = fitted.scores.warning().filter(|_| fitted.is_complete) {
+        note(&warning);
     }
     let time = fitted.seconds_per_step().map_or(String::new(), |s| format!(", {:.1} ms a step", s * 1e3));
     say(&format!(

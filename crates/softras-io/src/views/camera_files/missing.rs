@@ -6,7 +6,7 @@ use std::path::Path;
 
 /// The remedy, which shows the form of a cameras.json.
 pub(super) const FORMAT: &str = "write it, as [{\"file\": \"0.png\", \"distance\": 3, \"elevation\": 20, \"azimuth\": 45}, \
-    {\"file\": \"1.png\", \"intrinsics\": [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], \"world_to_camera\": [4 rows of 4]}], or give a \
+    {\"file\": \"1.png\", \"eye\": [0, 1, 3], \"fov\": 30}, {\"file\": \"2.png\", \"intrinsics\": [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], \"world_to_camera\": [4 rows of 4]}], or give a \
     transforms.json (NeRF) or the files of a COLMAP model (docs/cameras.md)";
 
 /// Files of cameras that are not read, and who writes them.

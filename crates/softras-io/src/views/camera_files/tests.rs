@@ -181,7 +181,7 @@ fn points_project_by_poses_in_files_of_numbers() {
 
     fs::create_dir(at("pose")).unwrap();
     let pose = [0, 1, 2].map(|i| format!("{} {} {} {}\n", r[0][i], r[1][i], r[2][i], eye[i])).concat() + "0 0 0 1\n";
-    ["pose/a.txt", "pose/b.txt"].map(|name| fs::write(at(name), &pose).unwrap());
+    ["pose/a.txt", "pose/b.txt"].iter().for_each(|name| fs::write(at(name), &pose).unwrap());
     for (text, lens) in [
         ("50 0 28 0\n0 55 23 0\n0 0 1 0\n0 0 0 1\n", LENS),
         ("50 0 28\n0 55 23\n0 0 1\n", LENS),
