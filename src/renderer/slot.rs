@@ -3,11 +3,12 @@
 use super::commands::Commands;
 use super::memory::{Memory, Region};
 use super::shared::Shared;
+use crate::constants as c;
 use crate::embed::{Pass, PassPlan};
 use crate::error::{Error, Result};
 use crate::frame::buffers::BufferId;
 use crate::frame::frame_plan::Differentiate;
-use crate::frame::pack::{InputChanges, MeshTables, ViewInputs};
+use crate::frame::pack::{InputChanges, MeshTables, light_texels};
 use crate::frame::passes::{BACKWARD_COUNT, BackwardStage, FORWARD_COUNT, ForwardStage};
 use crate::frame::plan::Rare;
 use crate::frame::shape::FrameShape;
@@ -22,6 +23,42 @@ pub(super) struct Backward {
     pub bound: Option<Differentiate>,
     pub memory: Memory,
     pub commands: Commands<BACKWARD_COUNT>,
+}
+
+/// The inputs that belong to no mesh, as the device has them.
+#[derive(Default)]
+struct ViewInputs {
+    shapes: Vec<[u32; 4 * c::SHAPE_TEXELS as usize]>,
+    cameras: Vec<[[f32; 4]; c::CAMERA_TEXELS as usize]>,
+    lights: Vec<[f32; 4]>,
+}
+
+impl ViewInputs {
+    /// Takes over those of a plan, and returns the ones that differ. With `background_kept` tiles that were empty in the last frame, and
+    /// still are, need not be written again.
+    fn renew(&mut self, plan: &PassPlan, background_kept: bool) -> InputChanges {
+        /// The word of an entry of `view_shapes` that holds the SHAPE_ flags.
+        const FLAGS: usize = 11;
+        let (mut shapes, lights) = (plan.frame.view_shapes(), light_texels(&plan.frame.shape.lights));
+        if background_kept {
+            shapes.iter_mut().for_each(|shape| shape[FLAGS] |= c::SHAPE_MARKS_VALID);
+        }
+        let new = Self { shapes, cameras: plan.camera_inputs(), lights };
+        let mut changes = InputChanges::default();
+        for ((id, old), (_, new)) in self.all().into_iter().zip(new.all()) {
+            changes.note(id, old != new);
+        }
+        *self = new;
+        changes
+    }
+
+    fn all(&self) -> [(BufferId, &[u8]); 3] {
+        [
+            (BufferId::ViewShapes, bytemuck::cast_slice(&self.shapes)),
+            (BufferId::ViewCameras, bytemuck::cast_slice(&self.cameras)),
+            (BufferId::Lights, bytemuck::cast_slice(&self.lights)),
+        ]
+    }
 }
 
 /// Holds one frame at a time.
@@ -193,8 +230,8 @@ impl Slot {
         // The buffers still hold the last frame's images if that frame succeeded and had the same commands.
         let background_kept = std::mem::take(&mut self.finished) && self.commands.are_recorded(push, timed);
         let tables = pass.scene.get_or_insert_default();
-        let changed = tables.renew(scene, pass.plan.tables.adjacency);
-        let views = self.views.renew(pass.plan.view_inputs(background_kept));
+        let changed = tables.renew(scene, &pass.plan.frame.shape.meshes, pass.plan.tables.adjacency);
+        let views = self.views.renew(&pass.plan, background_kept);
         self.stale = self.stale.or(changed).or(views);
         let mut written = InputChanges::default();
         self.uploaded_bytes = 0;

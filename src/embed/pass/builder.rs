@@ -9,7 +9,7 @@ use crate::embed::place::tables::Tables;
 use crate::error::{Error, Result};
 use crate::frame::buffers::{BufferId, Role};
 use crate::frame::frame_plan::{BufferRequirement, Differentiate, FramePlan, GradientPlan};
-use crate::frame::pack::{ViewInputs, camera_texels, light_texels};
+use crate::frame::pack::camera_texels;
 use crate::frame::plan::{Capacity, DepthSpan, Rare};
 use crate::frame::rasterizer::Rasterizer;
 use crate::frame::shape::FrameShape;
@@ -478,20 +478,9 @@ impl PassPlan {
         self.gradients.is_some()
     }
 
-    /// The inputs that belong to no mesh. With `background_kept` tiles that were empty in the last frame and still are are not written
-    /// again.
-    pub(crate) fn view_inputs(&self, background_kept: bool) -> ViewInputs {
-        /// The word of an entry of `view_shapes` that holds the SHAPE_ flags.
-        const FLAGS: usize = 11;
-        let mut shapes = self.frame.view_shapes();
-        if background_kept {
-            shapes.iter_mut().for_each(|shape| shape[FLAGS] |= c::SHAPE_MARKS_VALID);
-        }
-        ViewInputs {
-            shapes,
-            cameras: self.cameras.iter().map(|view| camera_texels(&view.camera, &self.settings)).collect(),
-            lights: light_texels(&self.frame.shape.lights),
-        }
+    /// The cameras as the kernels read them.
+    pub(crate) fn camera_inputs(&self) -> Vec<[[f32; 4]; c::CAMERA_TEXELS as usize]> {
+        self.cameras.iter().map(|view| camera_texels(&view.camera, &self.settings)).collect()
     }
 
     /// The region of one view of an image in a buffer that holds it as the pass's own does, for vkCmdCopyBufferToImage.

@@ -21,7 +21,7 @@ use crate::error::{Error, Result};
 use crate::frame::bindings::{FrameBindings, GradientBindings, validated_parts};
 use crate::frame::buffers::BufferId;
 use crate::frame::frame_plan::GradientPlan;
-use crate::frame::pack::MeshTables;
+use crate::frame::pack::{MeshTables, light_texels};
 use crate::frame::passes::{BackwardStage, ForwardStage};
 use crate::frame::rasterizer::Rasterizer;
 use crate::vulkan::{BufferPart, BufferRef, HostCommands, Recorder, TimestampPool, vk};
@@ -43,7 +43,8 @@ pub struct Pass {
     pub(crate) buffers: Vec<(BufferId, BufferPart)>,
     /// The buffers that the frame's inputs come from and its outputs go to, and those of its gradients; `None` where host and
     /// device share all of them.
-    staging: [Option<Staging>; 2],
+    staging: Option<Staging>,
+    gradient_staging: Option<Staging>,
     /// The device buffer, for render graphs.
     device: Option<BufferRef>,
     meshes: Vec<MeshBuffers>,
@@ -66,10 +67,6 @@ pub(crate) struct Staging {
     pub upload: BufferPart,
     pub readback: BufferPart,
 }
-
-/// The frame and the gradients among a pass's [`Pass::staging`].
-const OF_FRAME: usize = 0;
-const OF_GRADIENTS: usize = 1;
 
 /// A buffer, and the stages and accesses of its use.
 type BufferUse = (BufferRef, vk::PipelineStageFlags, vk::AccessFlags);
@@ -102,7 +99,7 @@ impl Rasterizer {
         let part = |at| BufferPart::of_host(&self.device, at);
         let staging = Staging { upload: part(&memory.upload), readback: part(&memory.readback) };
         let mut pass = self.bind_buffers(plan, buffers, scene)?;
-        pass.staging = [Some(staging.clone()), Some(staging)];
+        (pass.staging, pass.gradient_staging) = (Some(staging.clone()), Some(staging));
         pass.device = Some(memory.device);
         pass.meshes = meshes.to_vec();
         for (number, buffers) in meshes.iter().enumerate() {
@@ -137,7 +134,8 @@ impl Rasterizer {
             frame,
             gradients,
             buffers,
-            staging: [None, None],
+            staging: None,
+            gradient_staging: None,
             device: None,
             meshes: Vec::new(),
             scene,
@@ -267,7 +265,7 @@ impl Pass {
     /// and accesses. Compute shaders of the setup read the textures that are images.
     pub fn uses(&self) -> [Vec<BufferUse>; 3] {
         use vk::{AccessFlags as A, PipelineStageFlags as S};
-        let ([Some(Staging { upload, readback }), _], Some(device)) = (&self.staging, self.device) else {
+        let (Some(Staging { upload, readback }), Some(device)) = (&self.staging, self.device) else {
             return Default::default();
         };
         let read = |at: &BufferRef| (*at, S::COMPUTE_SHADER, A::SHADER_READ);
@@ -346,9 +344,12 @@ impl Pass {
     /// # Errors
     /// As [`write_inputs`](Self::write_inputs).
     pub fn write_frame(&self, upload: &mut [u8]) -> Result<()> {
-        for (id, bytes) in self.plan.view_inputs(false).all() {
-            let copy = self.plan.layouts.frame.iter().find(|copy| copy.id == id);
-            copy.map_or(Ok(()), |copy| put(upload, copy.mapped, bytes))?;
+        let PassPlan { layouts, frame, .. } = &self.plan;
+        let (cameras, lights) = (self.plan.camera_inputs(), light_texels(&frame.shape.lights));
+        for copy in &layouts.frame {
+            let of_lights = copy.id == BufferId::Lights;
+            let bytes = if of_lights { bytemuck::cast_slice(&lights) } else { bytemuck::cast_slice(&cameras) };
+            put(upload, copy.mapped, bytes)?;
         }
         Ok(())
     }
@@ -363,13 +364,13 @@ impl Pass {
         let mut recorder = Recorder::on_host(&self.rasterizer.device, commands);
         recorder.begin_label("setup");
         recorder.barrier();
-        self.copy_in(&mut recorder, OF_FRAME, &self.plan.layouts.setup)?;
+        self.copy_in(&mut recorder, &self.staging, &self.plan.layouts.setup)?;
         // If a frame is recorded but never executed, its gradients find no tiles, rather than a number left in memory.
         let counts = self.part(BufferId::TileCounts)?;
         recorder.fill(counts, 0, counts.range() / 4 * 4, 0)?;
-        for (at, draws) in &self.draws {
-            if let Some(staging) = &self.staging[OF_FRAME] {
-                recorder.copy(&staging.upload, *at, draws, 0, draws.range())?;
+        if let Some(Staging { upload, .. }) = &self.staging {
+            for (at, draws) in &self.draws {
+                recorder.copy(upload, *at, draws, 0, draws.range())?;
             }
         }
         recorder.barrier();
@@ -406,7 +407,7 @@ impl Pass {
         let layouts = &self.plan.layouts;
         recorder.begin_label("pass");
         recorder.barrier();
-        self.copy_in(recorder, OF_FRAME, &layouts.frame)?;
+        self.copy_in(recorder, &self.staging, &layouts.frame)?;
         for step in &self.vertices {
             step.record(recorder)?;
         }
@@ -415,7 +416,7 @@ impl Pass {
             recorder.barrier();
         }
         self.rasterizer.forward(recorder, &self.plan.frame, &self.frame, times)?;
-        self.copy_out(recorder, OF_FRAME, &layouts.forward)?;
+        self.copy_out(recorder, &self.staging, &layouts.forward)?;
         recorder.end_label();
         Ok(())
     }
@@ -455,10 +456,10 @@ impl Pass {
     ) -> Result<()> {
         let (plan, layout) = (self.gradient_plan()?, &self.plan.layouts.gradients);
         let Some(bindings) = &self.gradients else { return Ok(()) };
-        self.copy_in(recorder, OF_GRADIENTS, &layout.upstream)?;
+        self.copy_in(recorder, &self.gradient_staging, &layout.upstream)?;
         self.rasterizer.backward(recorder, plan, bindings, times)?;
         self.record_back(recorder)?;
-        self.copy_out(recorder, OF_GRADIENTS, &layout.outputs)
+        self.copy_out(recorder, &self.gradient_staging, &layout.outputs)
     }
 
     /// Records the writing of gradients into the meshes' arrays. An array that several meshes share is cleared first;
@@ -484,20 +485,20 @@ impl Pass {
     fn copy_in<'a>(
         &self,
         recorder: &mut Recorder<'_>,
-        of: usize,
+        staging: &Option<Staging>,
         copies: impl IntoIterator<Item = &'a Copy>,
     ) -> Result<()> {
-        let Some(staging) = &self.staging[of] else { return Ok(()) };
+        let Some(Staging { upload, .. }) = staging else { return Ok(()) };
         for copy in copies {
-            recorder.copy(&staging.upload, copy.mapped, self.part(copy.id)?, copy.at, copy.size)?;
+            recorder.copy(upload, copy.mapped, self.part(copy.id)?, copy.at, copy.size)?;
         }
         Ok(())
     }
 
-    fn copy_out(&self, recorder: &mut Recorder<'_>, of: usize, copies: &[Copy]) -> Result<()> {
-        let Some(staging) = &self.staging[of] else { return Ok(()) };
+    fn copy_out(&self, recorder: &mut Recorder<'_>, staging: &Option<Staging>, copies: &[Copy]) -> Result<()> {
+        let Some(Staging { readback, .. }) = staging else { return Ok(()) };
         for copy in copies {
-            recorder.copy(self.part(copy.id)?, copy.at, &staging.readback, copy.mapped, copy.size)?;
+            recorder.copy(self.part(copy.id)?, copy.at, readback, copy.mapped, copy.size)?;
         }
         if !copies.is_empty() {
             recorder.barrier();

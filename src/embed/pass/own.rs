@@ -3,7 +3,7 @@
 
 use super::builder::{Content, PassPlan, PassView, decoded};
 use super::memory::{GradientLayout, Wishes};
-use super::{OF_FRAME, OF_GRADIENTS, Pass, Staging};
+use super::{Pass, Staging};
 use crate::embed::place::tables::Tables;
 use crate::error::Result;
 use crate::frame::buffers::BufferId;
@@ -78,7 +78,7 @@ impl PassPlan {
 impl Pass {
     /// Says which buffers the frame's inputs are copied from and its outputs to.
     pub(crate) fn with_staging(mut self, staging: Option<Staging>) -> Self {
-        self.staging[OF_FRAME] = staging;
+        self.staging = staging;
         self
     }
 
@@ -93,21 +93,21 @@ impl Pass {
         let given: Vec<_> = buffers.iter().collect();
         self.gradients = Some(self.rasterizer.bind_gradients(&plan, &given, &self.frame)?);
         (self.plan.gradients, self.plan.layouts.gradients) = (Some(plan), layout);
-        self.staging[OF_GRADIENTS] = staging;
+        self.gradient_staging = staging;
         self.buffers.extend(buffers);
         Ok(())
     }
 
     /// Lets go of the gradients' buffers.
     pub(crate) fn forget_gradients(&mut self) {
-        (self.gradients, self.plan.gradients, self.staging[OF_GRADIENTS]) = (None, None, None);
+        (self.gradients, self.plan.gradients, self.gradient_staging) = (None, None, None);
         self.buffers.retain(|(id, _)| self.plan.frame.buffer(*id).is_some());
     }
 
     /// Records the copies of inputs that differ.
     pub(crate) fn record_changes(&self, recorder: &mut Recorder<'_>, changes: InputChanges) -> Result<()> {
         let copies = self.plan.layouts.setup.iter().filter(|copy| changes.has(copy.id));
-        self.copy_in(recorder, OF_FRAME, copies)
+        self.copy_in(recorder, &self.staging, copies)
     }
 
     /// Takes the tables of its scene out.

@@ -69,11 +69,8 @@ impl Pass {
         let mut recorder = Recorder::on_host(&self.rasterizer.device, commands);
         recorder.begin_label("scene");
         recorder.barrier();
-        self.copy_in(
-            &mut recorder,
-            super::OF_FRAME,
-            self.plan.layouts.setup.iter().filter(|copy| changes.has(copy.id)),
-        )?;
+        let copies = self.plan.layouts.setup.iter().filter(|copy| changes.has(copy.id));
+        self.copy_in(&mut recorder, &self.staging, copies)?;
         recorder.barrier();
         recorder.end_label();
         Ok(())

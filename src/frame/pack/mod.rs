@@ -8,7 +8,6 @@ mod update;
 
 pub use layout::{AppearanceShape, MeshLayout, MeshShape, TableLayout};
 pub use update::InputChanges;
-pub(crate) use update::ViewInputs;
 
 use crate::constants as c;
 use crate::frame::buffers::BufferId;
@@ -68,12 +67,11 @@ impl MeshTables {
         tables
     }
 
-    /// Takes over a scene, laid out anew where its shapes or triangles are others, and returns the tables that differ. A
+    /// Takes over a scene of these shapes, laid out anew where the last one's shapes or triangles were others, and returns the tables that differ. A
     /// [`Texture`] that is a clone of the last one is not compared.
     #[cfg(feature = "renderer")]
-    pub(crate) fn renew(&mut self, scene: &Scene, adjacency: bool) -> InputChanges {
-        let same_shapes = self.shapes.iter().eq(scene.meshes.iter().map(MeshShape::of).collect::<Vec<_>>().iter());
-        if same_shapes && (!adjacency || !self.adjacency.is_empty()) && self.has_triangles_of(scene) {
+    pub(crate) fn renew(&mut self, scene: &Scene, shapes: &[MeshShape], adjacency: bool) -> InputChanges {
+        if self.shapes == shapes && (!adjacency || !self.adjacency.is_empty()) && self.has_triangles_of(scene) {
             return self.update(scene);
         }
         *self = Self::new(scene, adjacency);

@@ -1,7 +1,6 @@
 //! Updates of the tables from a scene with the same layout, which report the tables that differ.
 
 use super::{MeshTables, feature_texels, kind_of, opaque, rgba};
-use crate::constants as c;
 use crate::frame::buffers::BufferId;
 use crate::scene::{Appearance, Scene};
 
@@ -45,36 +44,6 @@ impl InputChanges {
 
     fn bit(id: BufferId) -> u64 {
         1 << id as u32
-    }
-}
-
-/// The inputs that belong to no mesh: the views' shapes and cameras, and the lights.
-#[derive(Default)]
-pub(crate) struct ViewInputs {
-    pub shapes: Vec<[u32; 4 * c::SHAPE_TEXELS as usize]>,
-    pub cameras: Vec<[[f32; 4]; c::CAMERA_TEXELS as usize]>,
-    pub lights: Vec<[f32; 4]>,
-}
-
-impl ViewInputs {
-    /// The bytes of each, and the buffer that takes them.
-    pub fn all(&self) -> [(BufferId, &[u8]); 3] {
-        [
-            (BufferId::ViewShapes, bytemuck::cast_slice(&self.shapes)),
-            (BufferId::ViewCameras, bytemuck::cast_slice(&self.cameras)),
-            (BufferId::Lights, bytemuck::cast_slice(&self.lights)),
-        ]
-    }
-
-    /// Takes over others, and returns those that differed.
-    #[cfg(feature = "renderer")]
-    pub fn renew(&mut self, new: Self) -> InputChanges {
-        let mut changes = InputChanges::default();
-        for ((id, old), (_, new)) in self.all().into_iter().zip(new.all()) {
-            changes.note(id, old != new);
-        }
-        *self = new;
-        changes
     }
 }
 

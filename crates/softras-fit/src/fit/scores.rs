@@ -238,6 +238,20 @@ mod tests {
     use super::*;
 
     #[test]
+    fn views_that_show_no_solid_are_told() {
+        let scores = |masks: &[f64], held_out: &[usize]| Scores {
+            masks: masks.to_vec(),
+            held_out: held_out.to_vec(),
+            ..Scores::default()
+        };
+        let warned = scores(&[0.95, 0.9, 0.4], &[2]).warning();
+        assert!(warned.is_some_and(|text| text.contains("mask IoU 0.40")));
+        assert_eq!(scores(&[0.95, 0.4, 0.9], &[2]).warning(), None, "views that are held out judge");
+        assert!(scores(&[0.7, 0.7], &[]).warning().is_some() && scores(&[0.8, 0.8], &[]).warning().is_none());
+        assert_eq!(scores(&[0.1], &[]).warning(), None, "one view fits many solids");
+    }
+
+    #[test]
     fn no_image_overlaps_a_grey_target_more_than_this() {
         assert_eq!(most_iou(&[0.0, 1.0, 1.0, 0.0]), 1.0);
         assert_eq!(most_iou(&[0.0; 4]), 1.0);

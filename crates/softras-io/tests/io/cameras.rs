@@ -43,7 +43,7 @@ impl Set {
         let by_angle = format == "list fov" || format == "transforms angle";
         let bends = ["transforms", "colmap txt", "colmap bin"].contains(&format);
         let mirrors = !format.starts_with("colmap");
-        // The archive goes by the order of names.
+        // The archive goes by the order of the numbers in names.
         let names = format != "npz";
         !(self.is_off_center && by_angle
             || self.is_bent && !bends
@@ -95,7 +95,8 @@ impl Set {
     /// Writes the pictures and their cameras, and returns their names in the order in which they are read.
     fn write(&self, folder: &Path, format: &str) -> Vec<String> {
         let poses = self.poses();
-        let name = |i: usize| format!("p{i}.jpg");
+        // Their order is that of the numbers, in which 10 follows 9.
+        let name = |i: usize| format!("p{}_{i}.jpg", i + 8);
         for (i, pose) in poses.iter().enumerate().filter(|(i, _)| !(self.has_missing && *i == 1)) {
             let name = if self.is_upper_case { name(i).to_uppercase() } else { name(i) };
             write_jpeg(&folder.join(name), self.picture(pose), self.exif, format.starts_with("list"));
@@ -312,7 +313,7 @@ fn pictures_that_were_turned_after_their_cameras_are_told_of() {
         }
         let [width, height] = SIZE;
         let expected = format!(
-            "p0.jpg and 3 more: the camera is one of {width}×{height} pixels: was the picture turned after it?"
+            "p8_0.jpg and 3 more: the camera is one of {width}×{height} pixels: was the picture turned after it?"
         );
         assert_eq!(told(), Some(expected), "{format}");
     }

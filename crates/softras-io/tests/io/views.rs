@@ -126,6 +126,29 @@ fn the_second_picture_is_not_the_eleventh() {
     assert!(refused.contains("as many masks as pictures"), "{refused}");
 }
 
+/// A camera of a picture that was made smaller later goes with it; one of other proportions is refused.
+#[test]
+fn a_picture_of_half_the_size_has_its_camera() {
+    let folder = tempfile::tempdir().unwrap();
+    let of = |w: u32, h: u32, focal: f64| {
+        let lens = format!(
+            r#", "w": {w}, "h": {h}, "fl_x": {focal}, "fl_y": {focal}, "cx": {}, "cy": {}"#,
+            20 * w / 48,
+            16 * h / 36
+        );
+        transforms(folder.path(), &["a.png"], &lens);
+        Views::open_with(folder.path(), &ViewsOptions::default(), &Budget::new(None))
+    };
+    let cutout = |x, y| image::Rgba([90, 90, 90, if is_object(x, y) { 255 } else { 0 }]);
+    image::RgbaImage::from_fn(48, 36, cutout).save(folder.path().join("a.png")).unwrap();
+    let (whole, _, notes) = of(48, 36, 60.0).unwrap();
+    assert_eq!(notes, Vec::<String>::new());
+    let (scaled, _, notes) = of(96, 72, 120.0).unwrap();
+    assert_eq!(scaled.cameras, whole.cameras);
+    assert_eq!(notes, ["a.png: its camera, of 96×72 pixels, is scaled to the picture's 48×36"]);
+    assert!(of(36, 48, 60.0).unwrap_err().to_string().contains("is 48×36 pixels, and not 36×48"));
+}
+
 /// Whether a pixel of 48×36 shows the object: an ellipse off the middle, so that no turn of it looks like another.
 fn is_object(x: u32, y: u32) -> bool {
     ((f64::from(x) - 18.0) / 13.0).hypot((f64::from(y) - 15.0) / 8.0) < 1.0

@@ -76,7 +76,7 @@ pub fn tell(out: &Path, fitted: &Fitted, begins_with_hull: bool) -> Result<(), F
         let remedy = " (--template hull begins with the holes and parts of the silhouettes)";
         note(&format!("the mesh {reason}{}", if begins_with_hull { "" } else { remedy }));
     }
-    if let Some(warning) = fitted.scores.warning().filter(|_| fitted.is_complete) {
+    if let Some(warning) = fitted.scores.warning().filter(|_| fitted.is_complete && begins_with_hull) {
         note(&warning);
     }
     let time = fitted.seconds_per_step().map_or(String::new(), |s| format!(", {:.1} ms a step", s * 1e3));

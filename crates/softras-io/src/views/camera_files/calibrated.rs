@@ -55,8 +55,8 @@ pub(super) fn middlebury(path: &Path) -> Result<Vec<Entry>> {
     Ok(views)
 }
 
-/// The pictures of a folder in the order of the numbers in their names, with the matrices `world_mat_0`, ... of an archive. Where some pictures are
-/// missing, the numbers in their names tell which.
+/// The pictures of a folder in the order of the numbers in their names, with the matrices `world_mat_0`, ... of an archive. Where some
+/// pictures are missing, these numbers tell which.
 pub(super) fn archive(path: &Path, folder: &Path, notes: &mut Vec<String>) -> Result<Vec<Entry>> {
     let archive = Archive::open(path, Budget::new(Some(MAX_JSON)))?;
     let pictures = Files::default().pictures(folder);

@@ -101,8 +101,11 @@ pub fn folder_of(file: &Path) -> Option<&Path> {
     let extension = file.extension()?;
     let is_one =
         ["json", "txt", "bin", "npz"].iter().any(|one| extension == *one) || file.ends_with("poses_bounds.npy");
-    let is_of_model = |folder: &&Path| ["0", "sparse", "colmap"].iter().any(|name| folder.ends_with(name));
-    is_one.then(|| file.ancestors().skip(1).find(|folder| !is_of_model(folder)))?
+    let is_model = file.file_stem().is_some_and(|stem| stem == "images" || stem == "cameras")
+        && extension != "json"
+        && extension != "npz";
+    let is_below = |folder: &&Path| is_model && ["0", "sparse", "colmap"].iter().any(|name| folder.ends_with(name));
+    is_one.then(|| file.ancestors().skip(1).find(|folder| !is_below(folder)))?
 }
 
 /// Reads a file of cameras for a folder of pictures.

@@ -68,11 +68,10 @@ pub(super) fn folder(path: &Path, folder: &Path) -> Result<Vec<Entry>> {
     let home = path.parent().unwrap_or(folder);
     let mut entries = Vec::new();
     for file in pictures {
-        let name = Path::new(file.file_stem().unwrap_or_default()).with_extension("txt");
-        let Some(pose) = POSES.iter().map(|poses| home.join(poses).join(&name)).find(|pose| pose.exists()) else {
+        let place = format!("{}.txt", file.file_stem().unwrap_or_default().display());
+        let Some(pose) = POSES.iter().map(|poses| home.join(poses).join(&place)).find(|pose| pose.exists()) else {
             continue;
         };
-        let place = name.display().to_string();
         let wrong = |what: String| fault(&pose, what, "give camera to world, as 4×4 numbers");
         let Ok(rows) = <[f64; 16]>::try_from(numbers(&pose)?) else { return Err(wrong("not 16 numbers".into())) };
         let row = |r: usize| [0, 1, 2, 3].map(|k| rows[4 * r + k]);

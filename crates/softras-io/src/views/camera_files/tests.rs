@@ -240,6 +240,24 @@ fn cameras_are_scaled_to_their_pictures() {
 }
 
 #[test]
+fn a_file_of_cameras_stands_for_the_folder_of_its_pictures() {
+    for (file, folder) in [
+        ("a/transforms.json", Some("a")),
+        ("a/0/transforms.json", Some("a/0")),
+        ("transforms.json", Some("")),
+        ("a/ball_par.txt", Some("a")),
+        ("a/poses_bounds.npy", Some("a")),
+        ("a/sparse/0/images.bin", Some("a")),
+        ("a/colmap/sparse/0/cameras.txt", Some("a")),
+        ("a/pictures.npy", None),
+        ("a/0.png", None),
+        ("a", None),
+    ] {
+        assert_eq!(folder_of(Path::new(file)), folder.map(Path::new), "{file}");
+    }
+}
+
+#[test]
 fn a_folder_without_cameras_is_told_what_it_has() {
     let folder = tempfile::tempdir().unwrap();
     let below = folder.path().join("photos/images");
