@@ -47,7 +47,7 @@ pub fn tell(options: &FitOptions, subject: &Subject, work: &mut Work) -> Result<
         Err(Error::OutOfMemory { .. } | Error::Limit { .. }) => String::new(),
         each => {
             let each = WHOLE * each?;
-            let [trial, rest] = refined(options, subject.views.cameras.len()).map(|views| each * views);
+            let [trial, rest] = refined(options, subject.views.cameras.len(), height * width).map(|views| each * views);
             let more =
                 if rest > 0.0 { format!(", and {} more if its cameras are off", lasting(rest)) } else { String::new() };
             format!("; about {}{more}", lasting(each * views * steps as f64 + trial))
@@ -60,9 +60,9 @@ pub fn tell(options: &FitOptions, subject: &Subject, work: &mut Work) -> Result<
 }
 
 /// The views of all steps that refine cameras: of the trial, and of what may follow.
-fn refined(options: &FitOptions, count: usize) -> [f64; 2] {
+fn refined(options: &FitOptions, count: usize, pixels: usize) -> [f64; 2] {
     let keeps = options.keep_cameras || options.preset == Preset::Quick || options.keeps_shape();
-    views_of_steps(count).filter(|_| !keeps).unwrap_or_default()
+    views_of_steps(count, pixels).filter(|_| !keeps).unwrap_or_default()
 }
 
 fn lasting(seconds: f64) -> String {

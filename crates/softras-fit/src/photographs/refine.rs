@@ -49,6 +49,8 @@ const STAGES: [RefineStage; 2] = [
     RefineStage { shrink: 2, steps: 40, waits: 10, sigma: (3e-4, 1e-4), rate: (0.5, 0.1), edge: 3.0, turns: false },
     RefineStage { shrink: 1, steps: 140, waits: 25, sigma: (1e-4, 1e-5), rate: (0.3, 0.02), edge: 1.5, turns: true },
 ];
+/// The pixels of all views beyond which the second stage is at half the resolution too: it would take longer than the fit.
+const MANY_PIXELS: usize = 1_500_000;
 /// The smallest side of a picture of fewer pixels.
 const LEAST_SIDE: usize = 64;
 /// How much larger the hull is that a stage begins with, as a multiple of the disagreement.
@@ -60,6 +62,13 @@ const PRIOR: f64 = 1e-5;
 /// The weight of the loss of colours, and their step length.
 const COLOR_WEIGHT: f64 = 5.0;
 const COLOR_RATE: f64 = 0.03;
+
+/// The stages for a number of views with this many pixels each.
+fn stages(count: usize, pixels: usize) -> [RefineStage; 2] {
+    let [first, second] = STAGES;
+    let shrink = if count * pixels > MANY_PIXELS { 2 } else { second.shrink };
+    [first, RefineStage { shrink, ..second }]
+}
 
 /// A part of the refinement.
 struct RefineStage {
@@ -103,13 +112,13 @@ impl Disagreement {
     }
 }
 
-/// Whether cameras of this many views may be refined at all, and if so the views of all steps, each as dear as one of a fit's first steps:
-/// of a trial, and of what follows where it is promising.
-pub fn views_of_steps(count: usize) -> Option<[f64; 2]> {
+/// Whether cameras of this many views of so many pixels may be refined at all, and if so the views of all steps, each as dear as one of a
+/// fit's first steps: of a trial, and of what follows where it is promising.
+pub fn views_of_steps(count: usize, pixels: usize) -> Option<[f64; 2]> {
     let of = |stages: &[RefineStage], count: usize| -> f64 {
         stages.iter().map(|stage| (stage.steps * count) as f64 / (stage.shrink * stage.shrink) as f64).sum()
     };
-    (count >= FEWEST).then(|| [of(&TRIAL, count.min(MOST_TRIED)), of(&STAGES, count)])
+    (count >= FEWEST).then(|| [of(&TRIAL, count.min(MOST_TRIED)), of(&stages(count, pixels), count)])
 }
 
 /// Refines the cameras of views that do not agree, and notes by how much. Their masks may have been narrowed.
@@ -135,7 +144,8 @@ pub fn refined(subject: &mut Subject, is_narrowed: bool, work: &mut Work) -> Res
             given = of_all;
         }
         // A trial alone may agree better by chance, as it does for six views whose cameras are right.
-        let whole = attempt(subject, &STAGES, &given, work)?;
+        let (height, width) = subject.views.size()?;
+        let whole = attempt(subject, &stages(subject.views.cameras.len(), height * width), &given, work)?;
         found = whole.filter(|whole| whole.left.is_better(&given.beyond_samples, is_narrowed));
     }
     let before = given.beyond_samples;
