@@ -604,6 +604,25 @@ def test_masks_and_indices_have_their_types(ball):
         st.render(vertices.to("meta"), faces, softras.Camera.screen())
 
 
+def test_losses_refuse_what_they_would_take_for_something_else(ball):
+    vertices, faces = ball
+    batch = torch.stack([vertices, 2 * vertices])
+    for loss in (st.edge_length_loss, st.normal_consistency_loss, st.flatten_loss, st.laplacian_loss):
+        for wrong in ((batch, faces), (vertices, faces[None]), (vertices, faces - 1), (vertices, faces + 1)):
+            with pytest.raises(softras.errors.InputError, match="vertices|faces"):
+                loss(*wrong)
+    assert st.edge_length_loss(vertices, faces[:0]) == 0
+    square = torch.zeros(2, 8, 8)
+    for other in (square[:, None], square[..., None], square[:1], square[0]):
+        with pytest.raises(softras.errors.InputError, match="shapes"):
+            st.iou_loss(square, other)
+    with pytest.raises(softras.errors.InputError, match="shapes"):
+        st.iou_loss(square[0], square[0])
+    found = st.fragments(vertices, faces, softras.Camera.from_angles(3.0, 20.0, 0.0, fov_y=0.8))
+    with pytest.raises(softras.errors.InputError, match="values.*give floats"):
+        st.interpolate(found, (255 * vertices.abs()).byte(), faces)
+
+
 @pytest.mark.parametrize("loss", ["edges", "normals", "flat", "uniform", "cotangent", "chamfer"])
 def test_losses_have_their_gradients(loss):
     ball = softras.shapes.icosphere(0)

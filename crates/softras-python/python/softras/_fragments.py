@@ -210,7 +210,8 @@ def fragments(
 
 def interpolate(found: Fragments, values: torch.Tensor, faces) -> torch.Tensor:
     """Values [V, N] of the vertices at each fragment of faces [F, 3]: [views, height, width, N], or [views, height, width, k, N]; 0 for no
-    triangle. With gradients by the values, and by the vertices through the fragments."""
+    triangle. With gradients by the values, and by the vertices through the fragments. Raises InputError for values that are no floats."""
+    values = floats(values, "values")
     faces = indices(faces, values.device)
     if len(faces) == 0:
         return values.new_zeros(*found.triangle.shape, values.shape[-1])

@@ -51,6 +51,17 @@ def indices(value, device=None, kind: torch.dtype = torch.int64) -> torch.Tensor
     return torch.as_tensor(whole if whole is value else whole.astype(np.int64), device=device).to(kind)
 
 
+def of_mesh(vertices, faces):
+    """Vertices [V, 3] and faces [F, 3] of one mesh. Of a batch only the first would be taken, or its meshes for vertices."""
+    vertices, faces = floats(vertices, "vertices"), indices(faces, vertices.device)
+    for name, value in (("vertices", vertices), ("faces", faces)):
+        if value.ndim != 2 or value.shape[1] != 3:
+            raise InputError(f"{name} of shape {tuple(value.shape)}: give those of one mesh, [.., 3]; for a batch add the losses of its meshes")
+    if plain() and len(faces) and not 0 <= int(faces.min()) <= int(faces.max()) < len(vertices):
+        raise InputError(f"faces from {int(faces.min())} to {int(faces.max())}: {len(vertices)} vertices have 0 to {len(vertices) - 1}")
+    return vertices, faces
+
+
 def mask(value: torch.Tensor, name: str) -> torch.Tensor:
     """A mask from 0 to 1, decoded from integers."""
     if value.requires_grad or not plain():

@@ -10,7 +10,7 @@ from typing import Literal, Optional, Tuple
 import torch
 
 from . import _softras
-from ._tensors import floats, host, indices
+from ._tensors import floats, host, indices, of_mesh
 from .errors import InputError
 
 
@@ -32,10 +32,11 @@ def _is_mean(reduction: str) -> bool:
 
 
 def edge_length_loss(vertices: torch.Tensor, faces: torch.Tensor, length: float = 0.0) -> torch.Tensor:
-    """The mean over edges of (their length - `length`)²."""
+    """The mean over edges of (their length - `length`)²; 0 without edges."""
+    vertices, faces = of_mesh(vertices, faces)
     a, b = _edges(faces, vertices.device).unbind(1)
     lengths = (vertices[a] - vertices[b]).norm(dim=1)
-    return (lengths - length).square().mean()
+    return (lengths - length).square().sum() / max(len(a), 1)
 
 
 class _Regularizer(torch.autograd.Function):
@@ -58,6 +59,7 @@ def normal_consistency_loss(
 ) -> torch.Tensor:
     """Σ (1 - n·m) over edges and pairs of faces there, n and m their unit normals; that of `softras.deform`; or the mean over the pairs.
     Raises FitError."""
+    vertices, faces = of_mesh(vertices, faces)
     total = _Regularizer.apply(vertices, faces, "normals")
     if not _is_mean(reduction):
         return total
@@ -67,7 +69,7 @@ def normal_consistency_loss(
 
 def flatten_loss(vertices: torch.Tensor, faces: torch.Tensor) -> torch.Tensor:
     """Σ (1 + cos θ)² over edges as in the official code; that of `softras.deform`. Raises FitError."""
-    return _Regularizer.apply(vertices, faces, "flatten")
+    return _Regularizer.apply(*of_mesh(vertices, faces), "flatten")
 
 
 def _cotangents(vertices: torch.Tensor, faces: torch.Tensor):
@@ -97,6 +99,7 @@ def laplacian_loss(
 
     The mean of the neighbours is the plain one as in the official code, or weighted by cotangents, of which those below 0 count as 0.
     """
+    vertices, faces = of_mesh(vertices, faces)
     if weights == "uniform":
         edges = _edges(faces, vertices.device)
         shares = torch.ones_like(vertices[edges[:, 0], 0])

@@ -19,7 +19,7 @@ from . import _scene
 from ._fragments import Fragments, antialias, fragments, interpolate
 from ._tensors import host, mask, plain
 from ._softras import Camera, Renderer
-from .errors import CameraError
+from .errors import CameraError, InputError
 from .losses import (
     chamfer_distance,
     edge_length_loss,
@@ -232,8 +232,11 @@ def rigid_motion(twist: torch.Tensor) -> torch.Tensor:
 
 def iou_loss(prediction: torch.Tensor, target: torch.Tensor) -> torch.Tensor:
     """The mean over views of 1 - IoU of soft silhouettes, [views, height, width], as the official code has it. Raises InputError for
-    what is no mask from 0 to 1."""
+    what is no mask from 0 to 1, and for shapes that differ."""
     prediction, target = mask(prediction, "prediction"), mask(target, "target")
+    if prediction.shape != target.shape or prediction.ndim < 3:
+        shapes = f"{tuple(prediction.shape)} and {tuple(target.shape)}"
+        raise InputError(f"silhouettes of shapes {shapes}: give both as [views, height, width]")
     product = prediction * target
     union = (prediction + target - product).flatten(1).sum(1) + 1e-6
     return 1.0 - (product.flatten(1).sum(1) / union).mean()
