@@ -246,7 +246,7 @@ ItemTriangle item_triangle_of(int record_index) {
     t.record_index = record_index;
     t.radius_squared = frame.radius_squared;
     t.scale = frame.scale;
-    t.z0 = t.corner.depth.z / frame.score_high;
+    t.z0 = first_depth(t.corner) / frame.score_high;
     t.weight_slope = -frame.score_high * LN2;
     return t;
 }

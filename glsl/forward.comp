@@ -72,11 +72,10 @@ AddedWeight add_weight(inout Pixel p, int record_index, Fragment f, Corner c, De
 // Adds a fragment's depth, normal, colour C_j and features to the sums of eq. 2. `i` is the number of the pixel.
 void add_attributes(int i, inout Pixel p, AddedWeight s, Corner c, vec3 b, float inverse_sum, Depth depth) {
     if (WANT_DEPTH) {
-        p.depth = p.depth * s.keep_old + s.weight * (c.depth.z / frame.score_high) * depth.ratio;
+        p.depth = p.depth * s.keep_old + s.weight * (first_depth(c) / frame.score_high) * depth.ratio;
     }
     vec3 mixed = b * (s.weight * inverse_sum);
-    // Perspective-correct: z / z_k = (z / z_0) (z_0 / z_k).
-    vec3 correction = PERSPECTIVE_CORRECT ? depth.ratio * vec3(1.0, 1.0 + c.depth.x, 1.0 + c.depth.y) : vec3(1.0);
+    vec3 correction = PERSPECTIVE_CORRECT ? correction_of(c, depth) : vec3(1.0);
     mixed = PERSPECTIVE_CORRECT ? mixed * correction : mixed;
     if (WANT_NORMAL) {
         p.normal = p.normal * s.keep_old + c.normal * mixed;
@@ -96,7 +95,7 @@ void add_attributes(int i, inout Pixel p, AddedWeight s, Corner c, vec3 b, float
 // Whether a fragment contributes to the shaded images. A fragment beyond far does not contribute to the silhouette either. Only
 // in the official code it does.
 bool is_shaded(inout Fragment f, Corner c, Depth depth, float inverse_score) {
-    bool shaded = f.kept && in_depth_range(c.depth.z * inverse_score * depth.ratio);
+    bool shaded = f.kept && in_depth_range(first_depth(c) * inverse_score * depth.ratio);
     if (DEPTH_RANGE == DEPTH_RANGE_OFFICIAL) {
         // Back faces contribute to the silhouette only. triangle.comp gave them no weight.
         shaded = shaded && (!FRONT_ONLY || c.exponent > -1e38);
@@ -109,7 +108,7 @@ bool is_shaded(inout Fragment f, Corner c, Depth depth, float inverse_score) {
 // The opacity of a fragment: `b` is b̂ before its division by `sum`.
 float opacity_at(Corner c, vec3 b, float sum, Depth depth) {
     vec3 at = b / sum;
-    at = PERSPECTIVE_CORRECT ? at * depth.ratio * vec3(1.0, 1.0 + c.depth.x, 1.0 + c.depth.y) : at;
+    at = PERSPECTIVE_CORRECT ? at * correction_of(c, depth) : at;
     vec2 slope;
     return sample_opacity(c.texture_index, c.coordinate, at, slope);
 }
@@ -176,7 +175,7 @@ void gather(Fetched own, bool live, LaneConstants constants, inout Cover covers[
             NearestPoint nearest = nearest_point(t, choice, height, constants.first + vec2(step_of(i)) - t.origin);
             b[i] = sampled_barycentrics(t, height, nearest);
             sum[i] = b[i].x + b[i].y + b[i].z;
-            depth[i] = depth_at(c.depth, b[i], sum[i]);
+            depth[i] = depth_at(c, b[i], sum[i]);
         }
     }
     bool shaded[PIXELS];

@@ -196,8 +196,7 @@ void add_weighted(int i, SoftDistance d, vec3 b, float sum, Depth depth, Corner 
     float relative = lesser(depth.weight + (c.exponent - exponent), 1.0);
     float weight = (d.inside ? WEIGHT_UNIT : d.e * WEIGHT_UNIT) * exp2(relative);
     float weight_over_sum = weight / ((1.0 + d.e) * sum);
-    // z / z_k = (z / z_0) (z_0 / z_k)
-    vec3 correction = PERSPECTIVE_CORRECT ? depth.ratio * vec3(1.0, 1.0 + c.depth.x, 1.0 + c.depth.y) : vec3(1.0);
+    vec3 correction = PERSPECTIVE_CORRECT ? correction_of(c, depth) : vec3(1.0);
     vec3 mixed = PERSPECTIVE_CORRECT ? b * weight_over_sum * correction : b * weight_over_sum;
     p.sum = p.sum * keep + weight_over_sum * sum;
     if (WANT_COLOR) {
@@ -209,7 +208,7 @@ void add_weighted(int i, SoftDistance d, vec3 b, float sum, Depth depth, Corner 
         p.color = p.color * keep + shown;
     }
     if (WANT_DEPTH) {
-        p.depth = p.depth * keep + weight_over_sum * sum * depth.ratio * (c.depth.z / frame.score_high);
+        p.depth = p.depth * keep + weight_over_sum * sum * depth.ratio * (first_depth(c) / frame.score_high);
     }
     if (WANT_NORMAL) {
         p.normal = p.normal * keep + c.normal * mixed;
@@ -237,7 +236,7 @@ void add_shading(Entry t, Corner c, SoftDistance d[PIXELS], inout Pixel pixels[P
     for (int i = 0; i < PIXELS; ++i) {
         b[i] = soft_barycentrics(t.inverse_height, d[i]);
         sum[i] = b[i].x + b[i].y + b[i].z;
-        depth[i] = depth_at(c.depth, b[i], sum[i]);
+        depth[i] = depth_at(c, b[i], sum[i]);
     }
     for (int i = 0; i < PIXELS; ++i) {
         add_weighted(i, d[i], b[i], sum[i], depth[i], c, pixels[i]);

@@ -128,7 +128,8 @@ const float LEAST_NEARNESS = 5.9604645e-8;
 
 // Depth relative to corner 0: (z0/z1 - 1, z0/z2 - 1, z0 in log2 weights, fraction of corner 0's log2 weight). The log weight is
 // ζ/γ of eq. 3. Its integer part is apart in `exponent`, because the difference of two integers is exact for any gamma.
-vec4 depth_record(PieceCorners c, out float exponent) {
+// In an orthographic view the record is (1 - z1/z0, 1 - z2/z0, -z0 in log2 weights, fraction): the sign tells them apart.
+vec4 depth_record(PieceCorners c, bool parallel, out float exponent) {
     vec2 k = vec2(frame.score_high, frame.score_low);
     vec2 weight = df_mul(df_sub(vec2(frame.far_high, frame.far_low), c.z[0]), k);
     // If a corner is so far away that its weight overflows a float, its triangle is invisible.
@@ -138,6 +139,11 @@ vec4 depth_record(PieceCorners c, out float exponent) {
     float z0 = c.z[0].x == 0.0 ? 1e-20 : c.z[0].x;
     float z1 = c.z[1].x == 0.0 ? 1e-20 : c.z[1].x;
     float z2 = c.z[2].x == 0.0 ? 1e-20 : c.z[2].x;
+    float weight_of_z0 = clamp(z0 * k.x, -FARTHEST_WEIGHT, FARTHEST_WEIGHT);
+    if (parallel) {
+        vec2 share = vec2(df_sub(c.z[0], c.z[1]).x, df_sub(c.z[0], c.z[2]).x) / z0;
+        return vec4(clamp(share, -FARTHEST_RATIO, FARTHEST_RATIO), -weight_of_z0, fraction);
+    }
     vec2 excess = vec2(df_sub(c.z[0], c.z[1]).x / z1, df_sub(c.z[0], c.z[2]).x / z2);
     excess = clamp(excess, -FARTHEST_RATIO, FARTHEST_RATIO);
     // A GPU's quotient may be off by some units in its last place, and then lie beyond -1, behind the camera.
@@ -145,7 +151,7 @@ vec4 depth_record(PieceCorners c, out float exponent) {
     excess = mix(excess, nearest, lessThan(vec2(0.0), sign(z0) * vec2(z1, z2)));
     // Backward divides by z0 / zk, so it must not be 0.
     excess = mix(excess, vec2(LEAST_NEARNESS - 1.0), lessThan(abs(1.0 + excess), vec2(LEAST_NEARNESS)));
-    return vec4(excess, clamp(z0 * k.x, -FARTHEST_WEIGHT, FARTHEST_WEIGHT), fraction);
+    return vec4(excess, weight_of_z0, fraction);
 }
 
 // Writes the cells of a box beyond its first, which has the record's index. Backward processes a box cell by cell. An atomic
@@ -192,7 +198,7 @@ void mark_bins(Shape shape, int record_in_view, ivec4 box, Edges e) {
 }
 
 // Makes the records and the box of a triangle or of a piece, or skips it.
-void emit(Shape shape, int triangle, int record_in_view, PieceCorners c) {
+void emit(int view, Shape shape, int triangle, int record_in_view, PieceCorners c) {
     int record_index = shape.record_base + record_in_view;
     Edges e = edges_of(c.column, c.row);
     bool front = e.degenerate || (e.orientation < 0.0) != CLOCKWISE_FRONT;
@@ -217,7 +223,7 @@ void emit(Shape shape, int triangle, int record_in_view, PieceCorners c) {
     vec2 tail = vec2(e.half_length.z, e.inverse_area);
     if (WANT_SHADING) {
         float exponent;
-        vec4 depth = depth_record(c, exponent);
+        vec4 depth = depth_record(c, has_parallel_rays(view), exponent);
         // With official parity a back face contributes to the silhouette, but has no weight in the colour.
         write_shading(shape, triangle, record_index, c, tail, depth, hidden ? -3e38 : exponent);
     } else {
@@ -271,7 +277,7 @@ void emit_clipped(int view, Shape shape, int triangle, ivec3 v) {
             c.z[k] = polygon[i].z;
             c.mixture[k] = mixture[i];
         }
-        emit(shape, triangle, record_in_view, c);
+        emit(view, shape, triangle, record_in_view, c);
     }
 }
 
@@ -295,7 +301,7 @@ void main() {
         nearer += df_sub(c.z[k], vec2(frame.near_high, frame.near_low)).x < 0.0 ? 1 : 0;
     }
     if (nearer == 0 || OFFICIAL) {
-        emit(shape, triangle, triangle, c);
+        emit(view, shape, triangle, triangle, c);
         if (NEAR_CLIP) {
             skip_record(shape.record_base + shape.triangle_count + triangle);
         }

@@ -46,6 +46,11 @@ void distort(int at, inout vec2 x, inout vec2 y) {
     y = df_add(df_mul(y, radial), dy);
 }
 
+// Whether a view is orthographic.
+bool has_parallel_rays(int view) {
+    return PARALLEL && uint(texelFetch(view_cameras, view * int(CAMERA_TEXELS) + 6).x) == PROJECTION_ORTHOGRAPHIC;
+}
+
 // A double float clamped to ±FARTHEST_PIXEL.
 vec2 bounded(vec2 a) {
     return abs(a.x) < FARTHEST_PIXEL ? a : vec2(clamp(a.x, -FARTHEST_PIXEL, FARTHEST_PIXEL), 0.0);

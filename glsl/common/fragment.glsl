@@ -27,16 +27,25 @@ struct Depth {
     float weight;
 };
 
-// The depth z of 1/z = Σ b̂_k / z_k, relative to corner 0, and the log weight ζ/γ of eq. 3, which is linear in z. `record` is
-// the depth_record of triangle.comp: (z_0/z_1 - 1, z_0/z_2 - 1, z_0 in log2 weight, fraction of corner 0's log weight). `b` is
-// b̂ before its division by `sum`.
-Depth depth_at(vec4 record, vec3 b, float sum) {
+// The depth z of 1/z = Σ b̂_k / z_k, relative to corner 0, and the log weight ζ/γ of eq. 3, which is linear in z. In an
+// orthographic view z = Σ b̂_k z_k. triangle.comp has the depth_record `c.depth`. `b` is b̂ before its division by `sum`.
+Depth depth_at(Corner c, vec3 b, float sum) {
+    vec4 record = c.depth;
     float excess = b.y * record.x + b.z * record.y;
+    if (is_parallel(record.z)) {
+        float depth = b.x + b.y * (1.0 - record.x) + b.z * (1.0 - record.y);
+        return Depth(depth / sum, first_depth(c) * (excess / sum) + record.w);
+    }
     // Σ b̂_k z_0/z_k has the same terms as the perspective-correct shares. So the shares add up to 1 however far a corner is.
     float inverse = b.x + b.y * (1.0 + record.x) + b.z * (1.0 + record.y);
     // The official code lets corners lie behind the camera's plane, where nothing is visible.
     inverse = OFFICIAL ? greater(inverse, 1e-12 * sum) : inverse;
-    return Depth(sum / inverse, record.z * (excess / inverse) + record.w);
+    return Depth(sum / inverse, first_depth(c) * (excess / inverse) + record.w);
+}
+
+// The factors of the corners' shares with perspective correction: z / z_k = (z / z_0) (z_0 / z_k). An orthographic view needs none.
+vec3 correction_of(Corner c, Depth depth) {
+    return (is_parallel(c.depth.z) ? 1.0 : depth.ratio) * nearness(c);
 }
 
 // Whether a depth lies between near and far. A plane that no mesh of the frame crosses is not tested.

@@ -9,6 +9,9 @@ const float NEXT_TO_NOTHING = -24.0;
 float largest_weight(int record_index) {
     vec4 record = texelFetch(shading, record_index * SHADING_STRIDE + 1);
     vec2 corners = record.z * record.xy / (1.0 + record.xy);
+    if (PARALLEL && record.z < 0.0) {
+        corners = -record.z * record.xy;
+    }
     return record.w + 0.5 + greater(greater(corners.x, corners.y), 0.0);
 }
 

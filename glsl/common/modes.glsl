@@ -17,6 +17,8 @@ layout(constant_id = 13) const bool FRONT_ONLY = false;
 layout(constant_id = 14) const bool CLOCKWISE_FRONT = false;
 layout(constant_id = 15) const bool OFFICIAL = false;
 layout(constant_id = 16) const bool DISTORTED = false;
+// Whether some camera is orthographic. Its depth is linear on the screen.
+layout(constant_id = 34) const bool PARALLEL = false;
 // Whether forward_soft serves the frame's modes.
 layout(constant_id = 17) const bool SOFT = false;
 // The most passes that all loops of an invocation together may take on the device.

@@ -113,7 +113,7 @@ Surface surface_of(ItemTriangle item, NearestPoint nearest, inout Fragment f) {
     s.sampled = sampled_barycentrics(item.edges, f.height, nearest);
     float sum = s.sampled.x + s.sampled.y + s.sampled.z;
     s.inverse_sum = 1.0 / sum;
-    s.depth = depth_at(item.corner.depth, s.sampled, sum);
+    s.depth = depth_at(item.corner, s.sampled, sum);
     s.shaded = f.kept && in_depth_range(item.z0 * s.depth.ratio);
     // The official backward pass gives no gradient to a fragment that its colour leaves out.
     if (DEPTH_RANGE == DEPTH_RANGE_FAR || (DEPTH_RANGE == DEPTH_RANGE_OFFICIAL && PAPER)) {

@@ -10,7 +10,7 @@ struct Sums {
     vec3 by_b;
     vec3 by_b_column;
     vec3 by_b_row;
-    // Σ dL/dz (z/z_0)² b̂_k, which times (z_0/z_k)² is dL/dz_k.
+    // Σ dL/dz (z/z_0)² b̂_k, which times (z_0/z_k)² is dL/dz_k. An orthographic view has neither square.
     vec3 depth;
     // Σ dL/dx x with x of eq. 1, and Σ dL/ds times the log2 weight relative to the pixel's, with s the log weight of eq. 3.
     // The host scales their totals by -1/sigma and -log(2)/gamma.
@@ -69,11 +69,6 @@ float silhouette_by_faded(PixelGradient g, Fragment f, float alpha) {
     return UP_ALPHA ? g.by_silhouette * (LEAST_APART && own > g.least ? g.least / own : 1.0) : 0.0;
 }
 
-// z_0 / z_k of each corner; depth_record in triangle.comp keeps it from 0.
-vec3 nearness(Corner c) {
-    return vec3(1.0, 1.0 + c.depth.x, 1.0 + c.depth.y);
-}
-
 // v_j = dL/dI · C_j + dL/dnormal · n_j + dL/ddepth z_j of a fragment, with features as with colours, and its derivatives by the
 // corners' shares in the mixture.
 // A share is b̂_k z/z_k with perspective correction, and b̂_k without.
@@ -83,7 +78,7 @@ struct Value {
     // dv/dshare, and its product with the shares.
     vec3 by_share;
     float by_all_shares;
-    // z / z_k of each corner.
+    // correction_of the fragment.
     vec3 correction;
 };
 
@@ -145,7 +140,7 @@ void add_normal(Corner c, vec3 by_normal, vec3 weighted, inout Value v, inout Su
 Value value_from(ItemTriangle item, Surface surface) {
     Value v;
     vec3 share = surface.sampled * surface.inverse_sum;
-    v.correction = surface.depth.ratio * nearness(item.corner);
+    v.correction = correction_of(item.corner, surface.depth);
     v.share = PERSPECTIVE_CORRECT ? share * v.correction : share;
     v.by_share = vec3(0.0);
     v.value = 0.0;
@@ -218,11 +213,13 @@ vec3 edge_ends(NearestPoint n) {
 
 // dL by the corners' depths, and by the point that the triangle is sampled at, through the shares and through z. A fragment
 // sampled inside, or at clamp(b, 0, 1) / sum, has the gradient by its barycentrics b. One sampled at the nearest boundary
-// point has the gradient by that point's t. From 1/z = Σ b̂_k/z_k follow ∂z/∂z_k = b̂_k (z/z_k)² and ∂z/∂b̂_k = -z²/z_k.
+// point has the gradient by that point's t. From 1/z = Σ b̂_k/z_k follow ∂z/∂z_k = b̂_k (z/z_k)² and ∂z/∂b̂_k = -z²/z_k. In an
+// orthographic view ∂z/∂z_k = b̂_k and ∂z/∂b̂_k = z_k.
 void surface_gradient(ItemTriangle item, Pair pair, NearestPoint nearest, PixelGradient g, Fragment f, Surface surface,
                       Value v, float weight, float by_weight, inout float by_t, inout Sums s) {
     Corner c = item.corner;
     float ratio = surface.depth.ratio;
+    bool parallel = is_parallel(c.depth.z);
     // add_opacity has multiplied by the weight already.
     float mixed = OPACITY ? 1.0 : weight;
     float weighted = mixed * surface.inverse_sum;
@@ -230,16 +227,17 @@ void surface_gradient(ItemTriangle item, Pair pair, NearestPoint nearest, PixelG
     if (UP_DEPTH) {
         by_z += weight * g.by_depth;
     }
-    if (PERSPECTIVE_CORRECT) {
+    if (PERSPECTIVE_CORRECT && !parallel) {
         // C = Σ b̂_k c_k z/z_k depends on z and on each z_k.
         float inverse_z = 1.0 / (item.z0 * ratio);
         by_z += mixed * v.by_all_shares * inverse_z;
         s.depth -= v.by_share * v.share * (mixed * ratio * inverse_z) / nearness(c);
     }
-    float by_ratio = by_z * ratio * ratio * surface.inverse_sum;
+    float by_ratio = (parallel ? by_z : by_z * ratio * ratio) * surface.inverse_sum;
     s.depth += by_ratio * surface.sampled;
     if (!PAPER) {
-        // z/z_k - 1 comes from the differences of z_0/z_k, which are small. z/z_k itself would lose all digits.
+        // z/z_k - 1 comes from the differences of z_0/z_k, which are small. z/z_k itself would lose all digits. In an
+        // orthographic view the record has 1 - z_k/z_0 in place of z_0/z_k - 1.
         vec3 excess = vec3(0.0, c.depth.xy);
         float mean_excess = (surface.sampled.y * c.depth.x + surface.sampled.z * c.depth.y) * surface.inverse_sum;
         vec3 by_share = PERSPECTIVE_CORRECT ? v.by_share * v.correction : v.by_share;

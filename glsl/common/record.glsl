@@ -67,7 +67,8 @@ Triangle triangle_of(int record_index) {
 const int SHADING_MOST = int(SHADING_TEXELS + SHADING_COORDINATE_TEXELS + SHADING_NORMAL_TEXELS);
 
 struct Corner {
-    // The depth_record of triangle.comp, and the integer part of corner 0's log2 weight.
+    // The depth_record of triangle.comp, with z_0 in log2 weight negative in an orthographic view, and the integer part of corner
+    // 0's log2 weight.
     vec4 depth;
     float exponent;
     // A column a corner, as with all that follows.
@@ -78,6 +79,21 @@ struct Corner {
     int triangle;
     mat3 normal;
 };
+
+// Whether a depth_record is one of an orthographic view.
+bool is_parallel(float weight_of_z0) {
+    return PARALLEL && weight_of_z0 < 0.0;
+}
+
+// z_0 in log2 weight.
+float first_depth(Corner c) {
+    return PARALLEL ? abs(c.depth.z) : c.depth.z;
+}
+
+// z_0 / z_k of each corner in perspective, and 1 without; depth_record in triangle.comp keeps it from 0.
+vec3 nearness(Corner c) {
+    return is_parallel(c.depth.z) ? vec3(1.0) : vec3(1.0, 1.0 + c.depth.x, 1.0 + c.depth.y);
+}
 
 Corner corner_from(vec4 record[SHADING_MOST]) {
     Corner c;

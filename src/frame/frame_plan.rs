@@ -191,7 +191,7 @@ impl FramePlan {
             features: shape.features(),
             sampling: shape.sampling(),
             depth_span: shape.depth_span,
-            distorted: shape.distorted,
+            lenses: shape.lenses,
             capacity,
             save: settings.save,
             loop_passes,
@@ -218,7 +218,7 @@ impl FramePlan {
             features: self.shape.features(),
             sampling: self.shape.sampling(),
             depth_span: self.shape.depth_span,
-            distorted: self.shape.distorted,
+            lenses: self.shape.lenses,
             capacity: self.capacity,
             save: settings.save,
             loop_passes: self.forward.modes.loop_passes,
@@ -376,7 +376,7 @@ fn texel_scale(plan: &ForwardPlan, lights: &Lights, largest_upstream: f64) -> f3
 mod tests {
     use super::*;
     use crate::frame::pack::{AppearanceShape, MeshShape};
-    use crate::frame::plan::DepthSpan;
+    use crate::frame::plan::{DepthSpan, Lenses};
     use proptest::prelude::*;
 
     const UNLIMITED: Limits = Limits {
@@ -408,7 +408,7 @@ mod tests {
             lights: Lights::unlit(),
             depth_span: DepthSpan { crosses_near: false, crosses_far: false },
             opacity: false,
-            distorted: false,
+            lenses: Lenses::default(),
             cutoff: 9.0,
             capacity: None,
             device_counts: false,

@@ -2,8 +2,8 @@
 
 use crate::error::Result;
 use crate::frame::pack::{AppearanceShape, MeshShape};
-use crate::frame::plan::{Capacity, DepthSpan, Sampling, ViewSize};
-use crate::scene::{Camera, Lights, Mesh, Projection, Scene, Settings};
+use crate::frame::plan::{Capacity, DepthSpan, Lenses, Sampling, ViewSize};
+use crate::scene::{Camera, Lights, Mesh, Scene, Settings};
 
 /// The shape of a frame, from which its plan is made. [`FrameShape::of`] takes it from a scene; a pass over a host's own meshes
 /// fills it in.
@@ -19,8 +19,8 @@ pub struct FrameShape {
     /// How the depths of the meshes compare with the near and far planes. `true` is always right but costs more: triangles
     /// that may cross the near plane have two records.
     pub depth_span: DepthSpan,
-    /// Some camera is [`Projection::Official`], which may distort.
-    pub distorted: bool,
+    /// The kinds of the cameras.
+    pub lenses: Lenses,
     /// Some texture has an alpha below 1 ([`Texture::with_alpha`](crate::scene::Texture::with_alpha)), the fourth float of its
     /// texels.
     pub opacity: bool,
@@ -56,7 +56,7 @@ impl FrameShape {
             depth_span,
             cutoff: settings.cutoff_of(scene, cameras),
             opacity: scene.meshes.iter().any(Mesh::has_opacity),
-            distorted: cameras.iter().any(|c| matches!(c.projection(), Projection::Official { .. })),
+            lenses: Lenses::of(cameras),
             capacity: None,
             device_counts: false,
         })

@@ -27,6 +27,8 @@ fn read<'py, T: Element>(
 ) -> PyResult<PyReadonlyArrayDyn<'py, T>> {
     // The positions of every step of a fit need no call.
     if let Ok(array) = value.cast::<PyArrayDyn<T>>()
+        // A masked array is a kind of array.
+        && value.is_exact_instance_of::<PyArrayDyn<T>>()
         && array.is_c_contiguous()
         && matches!(means, "number" | "place")
     {

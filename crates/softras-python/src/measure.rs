@@ -1,7 +1,7 @@
 //! Measures of meshes and masks, and the tools around fits.
 
 use crate::arrays::{self, image, image_array};
-use crate::exceptions::{Raise, exception};
+use crate::exceptions::{Raise, bad_input, exception};
 use crate::mesh::Mesh;
 use crate::renderer::Renderer;
 use crate::settings::chosen;
@@ -73,6 +73,9 @@ pub fn regularizer<'py>(
     let penalty = chosen("regularizer", name, &known)?;
     let array = arrays::doubles(positions, "vertices", "place")?;
     let points: Vec<DVec3> = array.as_slice()?.as_chunks::<3>().0.iter().copied().map(DVec3::from).collect();
+    if !points.iter().all(|p| p.is_finite()) {
+        return Err(bad_input("vertices that are not finite", "give finite ones"));
+    }
     let topology = Topology::new(points.len(), &arrays::triangles(triangles, "faces")?).raise()?;
     let mut gradient = vec![DVec3::ZERO; points.len()];
     let value = penalty.add(&topology, &points, 1.0, &mut gradient).raise()?;

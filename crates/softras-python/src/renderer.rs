@@ -189,6 +189,11 @@ impl Renderer {
         self.shared.process()
     }
 
+    /// A copy of what holds a renderer shares it.
+    fn __deepcopy__(slf: Py<Self>, _memo: &Bound<'_, PyAny>) -> Py<Self> {
+        slf
+    }
+
     fn __repr__(&self) -> String {
         format!("softras.Renderer({:?})", self.shared.device())
     }

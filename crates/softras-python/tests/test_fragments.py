@@ -80,6 +80,18 @@ def test_gradcheck(projection, fields):
         assert torch.autograd.gradcheck(function, (vertices, values), eps=1e-7, atol=1e-5, rtol=1e-4)
 
 
+@pytest.mark.parametrize("projection", [*PROJECTIONS, {}], ids=str)
+def test_points_are_those_of_the_renderer(bumpy, soft, projection):
+    camera = softras.Camera.from_angles(3.5, 20.0, 10.0, **projection) if projection else softras.Camera.screen()
+    places = np.float32([0, 0, 0] if projection else [0, 0, 2.5])
+    mesh = softras.Mesh(0.8 * bumpy.positions + places, bumpy.triangles)
+    ours = st.fragments(torch.tensor(mesh.positions, dtype=torch.float64), faces_of(mesh), camera, settings=soft)
+    found = softras.fragments(mesh, camera, soft)
+    assert (found.triangle >= 0).sum() > 50
+    torch.testing.assert_close(ours.barycentrics, torch.tensor(found.barycentrics).double(), rtol=1e-4, atol=1e-5)
+    torch.testing.assert_close(ours.depth, torch.tensor(found.depth).double(), rtol=1e-5, atol=1e-5)
+
+
 def test_a_shader_of_pytorch3d_runs(bumpy, cameras, soft):
     """Their softmax blending, by the names of their fragments, gives the image of the same sigma and gamma."""
     settings = dataclasses.replace(soft, epsilon=1e-10)

@@ -1,5 +1,6 @@
 """softras.torch: the same bits as the renderer's own gradients, and torch's check of them in double precision."""
 
+import copy
 import dataclasses
 import gc
 import os
@@ -621,6 +622,27 @@ def test_losses_refuse_what_they_would_take_for_something_else(ball):
     found = st.fragments(vertices, faces, softras.Camera.from_angles(3.0, 20.0, 0.0, fov_y=0.8))
     with pytest.raises(softras.errors.InputError, match="values.*give floats"):
         st.interpolate(found, (255 * vertices.abs()).byte(), faces)
+    for a, b in ((vertices, batch), (batch, batch[:1]), (vertices[:0], vertices), (vertices, vertices[:, :2])):
+        with pytest.raises(softras.errors.InputError, match="points of shapes"):
+            st.chamfer_distance(a, b)
+    with pytest.raises(softras.errors.InputError, match="not finite"):
+        st.normal_consistency_loss(vertices / 0, faces)
+
+
+def test_inputs_of_another_kind_are_refused(ball):
+    vertices, faces = ball
+    camera = softras.Camera.from_angles(3.0, 20.0, 0.0, fov_y=0.8)
+    with pytest.raises(softras.errors.InputError, match="fov_y has 1"):
+        st.render(vertices, faces, camera, projections=torch.tensor([[0.8, 0.9]]))
+    masked = np.ma.masked_greater(vertices.numpy(), 0.5)
+    with pytest.raises(softras.errors.InputError, match="masked values"):
+        softras.Mesh(masked, faces.numpy())
+
+
+def test_a_copy_of_a_module_shares_its_renderer(ball):
+    renderer = softras.Renderer()
+    module = st.Rasterizer(softras.Settings(width=16, height=16), renderer=renderer)
+    assert copy.deepcopy(module).renderer is renderer
 
 
 @pytest.mark.parametrize("loss", ["edges", "normals", "flat", "uniform", "cotangent", "chamfer"])
@@ -694,7 +716,7 @@ def test_losses_of_batches_and_means(ball):
     target = torch.rand(2, 40, 3)
     alone = [st.chamfer_distance(a, b) for a, b in zip(points, target)]
     torch.testing.assert_close(st.chamfer_distance(points, target), (alone[0] + alone[1]) / 2)
-    with pytest.raises(softras.errors.InputError, match="give \\[B, N, 3\\]"):
+    with pytest.raises(softras.errors.InputError, match="points of shapes"):
         st.chamfer_distance(points, target[0])
     with pytest.raises(softras.errors.InputError, match="faces of 1 meshes"):
         st.sample_surface(both, each[:1], 7)

@@ -165,8 +165,11 @@ pub fn box_excess<R: Real>(corners: &[[R; 2]; 3], pixel: [f64; 2]) -> f64 {
     excess(0).max(excess(1))
 }
 
-/// View depth at b̂: 1/z = Σ b̂ₖ / zₖ.
+/// View depth at b̂: 1/z = Σ b̂ₖ / zₖ, or z = Σ b̂ₖ zₖ where the camera is orthographic.
 pub fn depth<R: Real>(piece: &Piece<R>, b: [R; 3]) -> R {
+    if piece.parallel {
+        return dot(b, piece.corners.map(|c| c.z));
+    }
     dot(b, piece.corners.map(|c| c.z.recip())).recip()
 }
 
@@ -213,8 +216,8 @@ pub fn fragment<S: Source>(
 /// The weight of each corner in interpolated values.
 fn weights<R: Real>(settings: &Settings, piece: &Piece<R>, b: [R; 3], z: R) -> [R; 3] {
     match settings.interpolation {
-        Interpolation::Affine => b,
-        Interpolation::Perspective => std::array::from_fn(|k| b[k] * z / piece.corners[k].z),
+        Interpolation::Perspective if !piece.parallel => std::array::from_fn(|k| b[k] * z / piece.corners[k].z),
+        _ => b,
     }
 }
 

@@ -50,6 +50,8 @@ pub struct Piece<R> {
     pub corners: [Corner<R>; 3],
     /// Whether it faces the camera; a piece without area does.
     pub front: bool,
+    /// Whether depth is linear on the screen, since the camera is orthographic.
+    pub parallel: bool,
 }
 
 impl<R: Real> Piece<R> {
@@ -67,7 +69,7 @@ impl<R: Real> Piece<R> {
             let scalars = self.corners[k].scalars();
             Corner::from_scalars(std::array::from_fn(|i| f(scalars[i], k * Corner::<R>::SCALARS + i)))
         });
-        Piece { triangle: self.triangle, corners, front: self.front }
+        Piece { triangle: self.triangle, corners, front: self.front, parallel: self.parallel }
     }
 }
 
@@ -88,6 +90,7 @@ struct Setup<'a, R> {
     /// Normals of each triangle's corners; empty where neither lights nor outputs need them.
     normals: Vec<[[R; 3]; 3]>,
     on_screen: bool,
+    parallel: bool,
 }
 
 /// The pieces of the mesh that `view` sees, in triangle order.
@@ -108,7 +111,9 @@ pub fn pieces<S: Source>(
     let normals = if need_normals { corner_normals(mesh, &world, scene.lights.shading) } else { Vec::new() };
     let lens = Lens::load(&cameras[view], settings, parameters, view, source);
     let on_screen = matches!(cameras[view].projection(), Projection::Screen);
-    let setup = Setup { mesh, settings, lens, lamps, world, normals, on_screen };
+    let parallel =
+        settings.parity == Parity::Model && matches!(cameras[view].projection(), Projection::Orthographic { .. });
+    let setup = Setup { mesh, settings, lens, lamps, world, normals, on_screen, parallel };
     let colors: Vec<[S::R; 3]> = slots.colors.clone().step_by(3).map(|slot| source.row(slot)).collect();
     let uvs: Vec<[S::R; 2]> = slots.uvs.clone().step_by(2).map(|slot| source.row(slot)).collect();
     (0..mesh.triangles().len()).flat_map(|triangle| setup.triangle(triangle, &colors, &uvs)).collect()
@@ -192,6 +197,6 @@ impl<R: Real> Setup<'_, R> {
             FrontFace::Clockwise => area.is_none_or(|a| a < 0.0),
         };
         let dropped = self.settings.faces == Faces::Front && self.settings.parity == Parity::Model && !front;
-        (!dropped).then_some(Piece { triangle, corners, front })
+        (!dropped).then_some(Piece { triangle, corners, front, parallel: self.parallel })
     }
 }

@@ -10,12 +10,12 @@ use crate::error::{Error, Result};
 use crate::frame::buffers::{BufferId, Role};
 use crate::frame::frame_plan::{BufferRequirement, Differentiate, FramePlan, GradientPlan};
 use crate::frame::pack::camera_texels;
-use crate::frame::plan::{Capacity, DepthSpan, Rare};
+use crate::frame::plan::{Capacity, DepthSpan, Lenses, Rare};
 use crate::frame::rasterizer::Rasterizer;
 use crate::frame::shape::FrameShape;
 use crate::frame::status::Status;
 use crate::gradients::GradientRequest;
-use crate::scene::{Background, Camera, Lights, Outputs, Projection, Scene, Settings, Shading, Support};
+use crate::scene::{Background, Camera, Lights, Outputs, Scene, Settings, Shading, Support};
 use crate::vulkan::{BufferRef, DeviceKind, Limits, vk};
 use std::sync::Arc;
 
@@ -343,7 +343,7 @@ impl PassBuilder {
                 lights: Lights::unlit(),
                 depth_span: DepthSpan { crosses_near: !self.inside_planes, crosses_far: !self.inside_planes },
                 opacity: false,
-                distorted: cameras.iter().any(|c| matches!(c.camera.projection(), Projection::Official { .. })),
+                lenses: Lenses::of(cameras.iter().map(|view| &view.camera)),
                 cutoff: cutoff_of(settings),
                 capacity: None,
                 device_counts: false,

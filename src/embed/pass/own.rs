@@ -42,11 +42,11 @@ impl Rasterizer {
 impl PassPlan {
     /// Takes over the cameras, settings and lights of another frame if it needs no other plan. Returns whether it does not.
     pub(crate) fn take(&mut self, shape: &FrameShape, cameras: &[Camera], settings: &Settings) -> Result<bool> {
-        let FrameShape { meshes, views, depth_span, distorted, opacity, .. } = &self.frame.shape;
+        let FrameShape { meshes, views, depth_span, lenses, opacity, .. } = &self.frame.shape;
         let same = *meshes == shape.meshes
             && *views == shape.views
             && *depth_span == shape.depth_span
-            && *distorted == shape.distorted
+            && *lenses == shape.lenses
             && *opacity == shape.opacity
             && shape.capacity.is_none_or(|wished| self.has_room(wished))
             && self.frame.push_with(settings, shape.cutoff, &shape.lights)?.is_some();

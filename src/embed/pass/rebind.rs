@@ -7,7 +7,8 @@ use super::memory::PassMemory;
 use crate::embed::host::camera::{CameraMatrices, ClipSpace};
 use crate::embed::host::mesh::MeshBuffers;
 use crate::error::{Error, Result};
-use crate::scene::{Camera, Lights, Projection, Settings};
+use crate::frame::plan::Lenses;
+use crate::scene::{Camera, Lights, Settings};
 
 /// The result of a [`rebind`](Pass::rebind).
 #[derive(Debug)]
@@ -22,7 +23,8 @@ impl Pass {
     /// Changes the cameras, but not their number: see [`set_camera_matrices`](Self::set_camera_matrices).
     ///
     /// # Errors
-    /// [`Error::Scene`] for another number of them, [`Error::Host`] where they need other kernels.
+    /// [`Error::Scene`] for another number of them, [`Error::Host`] where they need other kernels: an orthographic camera needs a
+    /// plan with one.
     pub fn set_cameras(&mut self, cameras: &[Camera]) -> Result<()> {
         self.plan.set_views(cameras.len(), cameras.iter().copied().map(PassView::Camera))?;
         self.forget_frame();
@@ -100,9 +102,9 @@ impl PassPlan {
         }
         let size = self.image_size();
         for view in views.clone() {
-            let camera = view.camera(size)?;
-            if matches!(camera.camera.projection(), Projection::Official { .. }) && !self.frame.shape.distorted {
-                let what = "the pass was planned without cameras that distort".into();
+            let camera = view.camera(size)?.camera;
+            if !self.frame.shape.lenses.serve(Lenses::of([&camera])) {
+                let what = "the pass was planned without cameras that are orthographic, or that distort".into();
                 return Err(Error::Host { what, fix: "plan and rebind with one".into() });
             }
         }

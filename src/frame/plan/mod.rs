@@ -27,7 +27,7 @@ mod walk;
 pub use backward::{BackwardInput, BackwardPlan, wants_vertices};
 pub use capacity::Capacity;
 pub use frame::{FramePush, split};
-pub use modes::{DepthSpan, Modes, Sampling};
+pub use modes::{DepthSpan, Lenses, Modes, Sampling};
 pub use rare::Rare;
 pub use walk::Walks;
 
@@ -115,8 +115,8 @@ pub struct PlanInput<'a> {
     pub sampling: Sampling,
     /// Whether triangles may lie across the near plane or beyond the far plane.
     pub depth_span: DepthSpan,
-    /// Whether some camera has lens distortion.
-    pub distorted: bool,
+    /// The kinds of the cameras.
+    pub lenses: Lenses,
     /// Room for lists; see [`Capacity::estimate`].
     pub capacity: Capacity,
     /// Whether the frame keeps what backward needs.

@@ -3,8 +3,8 @@
 use super::PlanInput;
 use crate::constants as c;
 use crate::scene::{
-    Background, Camera, ColorAggregation, Distance, Faces, FrontFace, Interpolation, Mesh, Outputs, Parity, Settings,
-    Shading, SilhouetteAggregation, SurfacePoint,
+    Background, Camera, ColorAggregation, Distance, Faces, FrontFace, Interpolation, Mesh, Outputs, Parity, Projection,
+    Settings, Shading, SilhouetteAggregation, SurfacePoint,
 };
 use glam::DVec3;
 
@@ -29,6 +29,30 @@ pub struct Sampling {
     pub image: bool,
     /// Some image has an alpha below 1.
     pub opacity: bool,
+}
+
+/// The kinds of camera of a frame that need code of their own.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Lenses {
+    /// Some camera is [`Projection::Official`], which may distort.
+    pub distorted: bool,
+    /// Some camera is [`Projection::Orthographic`].
+    pub orthographic: bool,
+}
+
+impl Lenses {
+    /// Those of some cameras.
+    pub fn of<'a>(cameras: impl IntoIterator<Item = &'a Camera>) -> Self {
+        cameras.into_iter().fold(Self::default(), |all, camera| Self {
+            distorted: all.distorted || matches!(camera.projection(), Projection::Official { .. }),
+            orthographic: all.orthographic || matches!(camera.projection(), Projection::Orthographic { .. }),
+        })
+    }
+
+    /// Whether kernels for these serve the cameras of `other` as well.
+    pub fn serve(self, other: Self) -> bool {
+        self.distorted >= other.distorted && self.orthographic >= other.orthographic
+    }
 }
 
 impl DepthSpan {
@@ -133,6 +157,8 @@ modes! {
         official = "OFFICIAL",
         /// 1: some camera has lens distortion.
         distorted = "DISTORTED",
+        /// 1: some camera is orthographic, and depth is linear on its screen.
+        parallel = "PARALLEL",
         /// 1: the kernel forward_soft serves the frame.
         soft = "SOFT",
         /// 1: tiles without a list are drawn in this frame.
@@ -212,7 +238,8 @@ impl Modes {
             front_only: u32::from(s.faces == Faces::Front),
             clockwise_front: u32::from(s.front_face == FrontFace::Clockwise),
             official: u32::from(official),
-            distorted: u32::from(input.distorted),
+            distorted: u32::from(input.lenses.distorted),
+            parallel: u32::from(input.lenses.orthographic && !official),
             soft: u32::from(is_soft(s) && depth_range == c::DEPTH_RANGE_INSIDE && !input.sampling.opacity),
             opacity: u32::from(input.sampling.opacity),
             loop_passes: input.loop_passes,

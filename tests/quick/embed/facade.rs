@@ -17,7 +17,7 @@ use softras::embed::{
     PassMesh, PassStatus, Rasterizer, TexelSource,
 };
 use softras::scene::{Appearance, Wrap};
-use softras::{Error, Frame, GradientRequest, Lights, Mesh, Scene, Settings};
+use softras::{Camera, Error, Frame, GradientRequest, Lights, Mesh, Projection, Scene, Settings};
 
 /// Two triangles, and the texels of their texture across and down.
 pub const QUAD: [u16; 6] = [0, 1, 2, 0, 2, 3];
@@ -323,6 +323,11 @@ fn misfits_of_a_pass_are_named() {
     assert!(error(pass.status(&[0; 8])).contains("readback buffer of 8 bytes"));
     assert!(error(pass.set_cameras(&case.cameras[..1])).contains("1 cameras"));
     assert_eq!(error(pass.set_cameras(&case.cameras)), "no error");
+    let flat = Camera::from_matrix(case.cameras[0].matrix(), Projection::Orthographic { half_height: 1.2 }).unwrap();
+    assert!(
+        error(pass.set_cameras(&vec![flat; case.cameras.len()]))
+            .contains("planned without cameras that are orthographic")
+    );
     let sharper = Settings { sigma: 1e-5, gamma: 1e-3, ..case.settings.clone() };
     assert_eq!(error(pass.set_settings(sharper)), "no error");
     assert!(error(pass.set_settings(Settings { width: 20, ..case.settings.clone() })).contains("pixels"));

@@ -2,7 +2,7 @@
 
 use crate::common::renderer;
 use softras::glam::DVec3;
-use softras::scene::{ColorAggregation, Distance, Outputs};
+use softras::scene::{Appearance, ColorAggregation, Distance, Interpolation, Outputs};
 use softras::{Camera, Fragment, Lights, Mesh, Projection, Scene, Settings, shapes};
 
 /// A ball, and a floor that reaches behind the camera.
@@ -70,6 +70,57 @@ fn a_pixel_shows_what_its_ray_meets_first() {
             }
         }
         assert!(covered.iter().all(|count| *count > 200) && differ < 5, "{projection:?}: {covered:?}, {differ}");
+    }
+}
+
+/// The depth image is the depth along a pixel's ray, and colours with perspective correction are those of the point that it meets,
+/// by every kind of camera.
+#[test]
+fn images_show_what_a_ray_meets_first() {
+    let mut renderer = renderer();
+    let settings = Settings {
+        width: 40,
+        height: 30,
+        near: 0.5,
+        far: 30.0,
+        color: ColorAggregation::Hard,
+        interpolation: Interpolation::Perspective,
+        outputs: Outputs { color: true, depth: true, ..Outputs::NOTHING },
+        ..Settings::default()
+    };
+    // A floor that rises away from the camera, and a card that stands before it: as one mesh, since one hides the other.
+    let points = vec![
+        [-1.0, -1.0, -1.0],
+        [1.0, -1.0, -1.0],
+        [1.0, 1.0, -9.0],
+        [-1.0, 1.0, -9.0],
+        [-0.5, -0.5, -2.4],
+        [0.5, -0.5, -2.4],
+        [0.0, 0.5, -2.4],
+    ];
+    let color = |p: &[f32; 3]| p.map(|x| (x + 10.0) / 20.0);
+    let colors = points.iter().map(color).collect();
+    let mesh = Mesh::new(points, vec![[0, 1, 2], [2, 3, 0], [4, 5, 6]]).unwrap();
+    let scene = Scene::new(mesh.clone().with_appearance(Appearance::VertexColors(colors)).unwrap());
+    for (projection, scale) in
+        [(Projection::Perspective { fov_y: 1.0 }, 0.5f64.tan()), (Projection::Orthographic { half_height: 1.3 }, 1.3)]
+    {
+        let camera = Camera::look_at(DVec3::Z, DVec3::ZERO, DVec3::Y, projection).unwrap();
+        let frame = renderer.render(&scene, &[camera], &settings).unwrap();
+        let (mut compared, mut card) = (0, 0);
+        for (at, (depth, color)) in
+            frame.depth().unwrap().data.iter().zip(frame.color().unwrap().data.chunks(3)).enumerate()
+        {
+            let ray = [((at % 40) as f64 - 19.5) / 15.0 * scale, (14.5 - (at / 40) as f64) / 15.0 * scale];
+            let Some((nearest, z)) = depth_by_rays(&camera, &mesh, ray, settings.near).filter(|_| *depth > 0.0) else {
+                continue;
+            };
+            assert!((f64::from(*depth) - z).abs() < 1e-5 * z, "{projection:?}, pixel {at}: {depth} and {z}");
+            let world_z = f64::from(color[2]) * 20.0 - 10.0;
+            assert!((world_z - (1.0 - z)).abs() < 1e-5 * z, "{projection:?}, pixel {at}: {world_z} and {}", 1.0 - z);
+            (compared, card) = (compared + 1, card + usize::from(nearest == 2));
+        }
+        assert!(compared > 200 && card > 20, "{projection:?}: {compared} pixels, {card} of the card");
     }
 }
 

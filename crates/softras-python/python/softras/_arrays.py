@@ -78,6 +78,8 @@ def read(value, name: str, means: str, kind: str = "float32") -> np.ndarray:
         array = _pixels(value) if hasattr(value, "getbands") else np.asarray(value)
     except (TypeError, ValueError, RuntimeError) as error:
         raise InputError(f"{name}: {error}: give an array of numbers") from None
+    if np.ma.is_masked(value):
+        raise InputError(f"{name}: an array with masked values: fill them, as with .filled(0)")
     letter, found = array.dtype.kind, array
     if letter == "f" and means in _RANGES:
         least, most = _RANGES[means]

@@ -70,6 +70,8 @@ class _Seen(NamedTuple):
     points: torch.Tensor
     #: [V, 3]: x w, y w and w with the place (x, y) on the screen, where half the image's height is 1; w is the depth, or 1 without perspective.
     places: torch.Tensor
+    #: Whether depth is linear on the screen.
+    parallel: bool
 
 
 def _seen(vertices: torch.Tensor, camera: Camera, settings: Settings) -> _Seen:
@@ -90,8 +92,8 @@ def _seen(vertices: torch.Tensor, camera: Camera, settings: Settings) -> _Seen:
     elif "half_height" in projection:
         places = [x / projection["half_height"], y / projection["half_height"], one]
     else:
-        places = [x, y, one]
-    return _Seen(points, torch.stack(places, 1))
+        places = [x * z, y * z, z]
+    return _Seen(points, torch.stack(places, 1), "half_height" in projection and settings.parity != "official")
 
 
 def _centres(settings: Settings, like: torch.Tensor) -> Tuple[torch.Tensor, torch.Tensor]:
@@ -149,8 +151,8 @@ def _near_centres(seen: _Seen, corners: torch.Tensor, found: torch.Tensor, setti
         nearest = torch.where(total == 0, nearest, clipped / _safe(clipped.sum(-1, keepdim=True)))
     b = torch.where(inside[..., None], b, nearest)
     b = torch.where(found[..., None], b, torch.full_like(b, 1 / 3))
-    depth = 1 / (b / z).sum(-1)
-    if settings.interpolation == "perspective":
+    depth = (b * z).sum(-1) if seen.parallel else 1 / (b / z).sum(-1)
+    if settings.interpolation == "perspective" and not seen.parallel:
         b = b * depth[..., None] / z
     distance = torch.where(inside, -least, least)
     score = (settings.far - depth) / ((settings.far - settings.near) * settings.gamma)

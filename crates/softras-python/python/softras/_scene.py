@@ -141,6 +141,8 @@ class Scene:
             if "projections" in values:
                 name = next(iter(projection))
                 row = np.atleast_1d(np.asarray(values["projections"][i], np.float64))
+                if row.shape != np.shape(np.atleast_1d(projection[name])):
+                    raise InputError(f"projections[{i}] of shape {row.shape}: {name} has {np.size(projection[name])}")
                 projection[name] = tuple(row) if name == "pinhole" else float(row[0])
             if "views" not in values:
                 cameras.append(Camera._restored(camera.view, projection))

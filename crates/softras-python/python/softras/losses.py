@@ -143,9 +143,10 @@ def sample_surface(
 def chamfer_distance(a: torch.Tensor, b: torch.Tensor) -> torch.Tensor:
     """The mean squared distance of points a [N, 3] to their nearest of b [M, 3], and that of b to a, in sum; of batches [B, N, 3] and
     [B, M, 3] the mean over the batch."""
+    shapes = tuple(a.shape), tuple(b.shape)
+    if a.ndim != b.ndim or a.ndim not in (2, 3) or a.shape[:-2] != b.shape[:-2] or {a.shape[-1], b.shape[-1]} != {3} or 0 in a.shape + b.shape:
+        raise InputError(f"points of shapes {shapes[0]} and {shapes[1]}: give [N, 3] and [M, 3], or [B, N, 3] and [B, M, 3]")
     if a.ndim == 3:
-        if b.ndim != 3 or len(a) != len(b):
-            raise InputError(f"points of shapes {tuple(a.shape)} and {tuple(b.shape)}: give [B, N, 3] and [B, M, 3]")
         return torch.stack([chamfer_distance(*pair) for pair in zip(a, b)]).mean()
 
     def nearest(points, among):

@@ -39,7 +39,7 @@ fn input<'a>(settings: &'a Settings, views: &'a [ViewSize], lights: &'a Lights) 
         features: 5,
         sampling: Sampling::default(),
         depth_span: INSIDE,
-        distorted: false,
+        lenses: Lenses::default(),
         capacity: CAPACITY,
         save: true,
         loop_passes: u32::MAX,
