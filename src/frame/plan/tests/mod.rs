@@ -8,7 +8,7 @@ mod properties;
 
 use super::backward::BackwardGroups;
 use super::{
-    BackwardInput, BackwardPlan, Capacity, DepthSpan, ForwardPlan, PlanInput, Rare, Sampling, ViewSize, split,
+    BackwardInput, BackwardPlan, Capacity, DepthSpan, ForwardPlan, Lenses, PlanInput, Rare, Sampling, ViewSize, split,
 };
 use crate::constants as c;
 use crate::frame::buffers::{BufferId, TableLengths};
