@@ -15,9 +15,8 @@ pub(crate) use mesh::first_not_finite;
 pub use mesh::{Appearance, Mesh};
 pub use settings::{
     Background, ColorAggregation, Distance, Faces, FrontFace, Interpolation, Outputs, Parity, Settings,
-    SilhouetteAggregation, SurfacePoint,
+    SilhouetteAggregation, Support, SurfacePoint,
 };
-pub use support::Support;
 pub use texture::{Texture, Wrap};
 
 use crate::error::{Error, Result};

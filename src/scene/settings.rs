@@ -1,8 +1,22 @@
 //! The settings of a frame. Their defaults are those of the official renderer. Equations are numbered as on the paper's
 //! poster; `glsl/README.md` lists them.
 
-use super::Support;
 use crate::error::{Error, Result, shown};
+
+/// Which images τ bounds the error of.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Support {
+    /// A fragment outside its triangle with D < τ, that is d² ≥ σ ln(1/τ - 1), is dropped, as by SoftRas and PyTorch3D.
+    /// Dropping n fragments changes the silhouette by at most n τ. It may change the colour without bound: a dropped
+    /// triangle that is nearer than all others would have won the softmax, however small its D.
+    #[default]
+    Probability,
+    /// The error of every image is bounded: fragments are dropped only where d² ≥ σ (ln(1/τ - 1) + Δζ/γ), Δζ the
+    /// largest difference in this frame between a fragment's depth score ζ and that of what the pixel shows without it.
+    /// Dropping n fragments changes no image by more than n τ of its range (1 for colours and backgrounds in [0, 1],
+    /// `far` for depth, 2 for normals). Slower; see [`Settings::cutoff_of`] for the radius.
+    Guaranteed,
+}
 
 /// Which images a frame renders; an image that is not asked for costs nothing. D is a fragment's coverage, w its
 /// softmax weight, z its view depth and n its normal.
@@ -277,5 +291,22 @@ impl Settings {
         let fix = "ask for at least one of color, silhouette, depth, normal, features";
         check(color || silhouette || depth || normal || features, "outputs", &|| "none".into(), fix)?;
         self.validate_support()
+    }
+
+    /// Checks that the support fits the other settings.
+    ///
+    /// # Errors
+    /// [`Error::Settings`] for [`Support::Guaranteed`] under official parity, whose silhouette breaks the bound.
+    fn validate_support(&self) -> Result<()> {
+        if self.support == Support::Guaranteed && self.parity == Parity::Official {
+            return Err(Error::Settings {
+                field: "support",
+                value: "guaranteed".into(),
+                fix: "the official code's silhouette counts triangles that its colour does not: use parity model, or \
+                       support probability"
+                    .into(),
+            });
+        }
+        Ok(())
     }
 }

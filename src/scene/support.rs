@@ -1,23 +1,7 @@
 //! The support of a triangle: the distance beyond which its fragments are dropped.
 
-use super::{Background, Camera, ColorAggregation, Scene, Settings};
-use crate::error::{Error, Result};
+use super::{Background, Camera, ColorAggregation, Scene, Settings, Support};
 use glam::DVec3;
-
-/// Which images τ bounds the error of.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Support {
-    /// A fragment outside its triangle with D < τ, that is d² ≥ σ ln(1/τ - 1), is dropped, as by SoftRas and PyTorch3D.
-    /// Dropping n fragments changes the silhouette by at most n τ. It may change the colour without bound: a dropped
-    /// triangle that is nearer than all others would have won the softmax, however small its D.
-    #[default]
-    Probability,
-    /// The error of every image is bounded: fragments are dropped only where d² ≥ σ (ln(1/τ - 1) + Δζ/γ), Δζ the
-    /// largest difference in this frame between a fragment's depth score ζ and that of what the pixel shows without it.
-    /// Dropping n fragments changes no image by more than n τ of its range (1 for colours and backgrounds in [0, 1],
-    /// `far` for depth, 2 for normals). Slower; see [`Settings::cutoff_of`] for the radius.
-    Guaranteed,
-}
 
 impl Settings {
     /// The squared culling radius in units of σ for what these cameras see: fragments with d² ≥ σ · cutoff are dropped.
@@ -78,23 +62,6 @@ impl Settings {
             self.near = (nearest - room).max(1e-3 * self.far);
         }
         self
-    }
-
-    /// Checks that the support fits the other settings.
-    ///
-    /// # Errors
-    /// [`Error::Settings`] for [`Support::Guaranteed`] under official parity, whose silhouette breaks the bound.
-    pub(super) fn validate_support(&self) -> Result<()> {
-        if self.support == Support::Guaranteed && self.parity == super::Parity::Official {
-            return Err(Error::Settings {
-                field: "support",
-                value: "guaranteed".into(),
-                fix: "the official code's silhouette counts triangles that its colour does not: use parity model, or \
-                       support probability"
-                    .into(),
-            });
-        }
-        Ok(())
     }
 }
 

@@ -82,7 +82,7 @@ impl BufferPart {
 
     /// As a host refers to it.
     pub fn reference(&self) -> BufferRef {
-        BufferRef::of_part(self)
+        BufferRef::known(self.raw(), self.offset(), self.range(), self.usage())
     }
 
     /// The buffer.

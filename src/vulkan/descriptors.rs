@@ -7,7 +7,7 @@ use super::host_memory::{ImageRef, TextureRef};
 use super::keep::{Keep, Kept};
 use super::kernel::{Binding, BindingKind, Kernel};
 use super::pipeline::{self, Pipeline};
-use super::result::{Named, misuse};
+use super::result::Named;
 use crate::Result;
 use ash::vk;
 use std::collections::BTreeMap;
@@ -114,7 +114,7 @@ impl DescriptorPool {
         let kernel = pipeline.kernel();
         let device = &self.0.device;
         if pipeline.inner().device().raw().handle() != device.raw().handle() {
-            return Err(misuse(CALL, kernel, "pipeline and descriptor pool are of different devices"));
+            return Err(kernel.misuse(CALL, "pipeline and descriptor pool are of different devices"));
         }
         let matched = match_names(kernel, resources)?;
         for (binding, resource) in &matched {
@@ -205,14 +205,14 @@ fn match_names<'a>(
 ) -> Result<Vec<(&'static Binding, Resource<'a>)>> {
     if let Some((name, _)) = resources.iter().find(|(name, _)| kernel.binding(name).is_none()) {
         let known: Vec<_> = kernel.bindings.iter().map(|b| b.name).collect();
-        return Err(misuse(CALL, kernel, &format!("there is no binding `{name}`, only {}", known.join(", "))));
+        return Err(kernel.misuse(CALL, &format!("there is no binding `{name}`, only {}", known.join(", "))));
     }
     let find = |binding: &'static Binding| {
         let mut given = resources.iter().filter(|(name, _)| *name == binding.name);
         match (given.next(), given.next()) {
             (Some((_, resource)), None) => Ok((binding, *resource)),
-            (None, _) => Err(misuse(CALL, kernel, &format!("binding `{}` has no buffer", binding.name))),
-            _ => Err(misuse(CALL, kernel, &format!("binding `{}` is given twice", binding.name))),
+            (None, _) => Err(kernel.misuse(CALL, &format!("binding `{}` has no buffer", binding.name))),
+            _ => Err(kernel.misuse(CALL, &format!("binding `{}` is given twice", binding.name))),
         }
     };
     kernel.bindings.iter().map(find).collect()
@@ -221,7 +221,7 @@ fn match_names<'a>(
 /// Checks that the device can bind this part of a buffer in this way.
 fn check_buffer(device: &Device, kernel: &Kernel, binding: &Binding, buffer: &BufferPart) -> Result<()> {
     let limits = device.limits();
-    let fail = |what: &str| Err(misuse(CALL, kernel, &format!("binding `{}`: {what}", binding.name)));
+    let fail = |what: &str| Err(kernel.misuse(CALL, &format!("binding `{}`: {what}", binding.name)));
     if buffer.raw() == vk::Buffer::null() {
         return fail("the buffer is null");
     }
@@ -268,7 +268,7 @@ fn texels_of(format: TexelFormat) -> BindingKind {
 
 /// Checks that the image is what the kernel stores to.
 fn check_image(kernel: &Kernel, binding: &Binding, image: &ImageRef) -> Result<()> {
-    let fail = |what: String| Err(misuse(CALL, kernel, &format!("binding `{}`: {what}", binding.name)));
+    let fail = |what: String| Err(kernel.misuse(CALL, &format!("binding `{}`: {what}", binding.name)));
     match binding.kind {
         _ if image.raw() == vk::ImageView::null() => fail("the image view is null".into()),
         BindingKind::StorageImage(format) if format == image.format() => Ok(()),
@@ -279,7 +279,7 @@ fn check_image(kernel: &Kernel, binding: &Binding, image: &ImageRef) -> Result<(
 
 /// Checks that the binding is one of an image that the kernel reads.
 fn check_texture(kernel: &Kernel, binding: &Binding, texture: &TextureRef) -> Result<()> {
-    let fail = |what: &str| Err(misuse(CALL, kernel, &format!("binding `{}`: {what}", binding.name)));
+    let fail = |what: &str| Err(kernel.misuse(CALL, &format!("binding `{}`: {what}", binding.name)));
     match binding.kind {
         _ if texture.raw() == vk::ImageView::null() => fail("the image view is null"),
         BindingKind::SampledImage => Ok(()),

@@ -1,6 +1,5 @@
 //! A host's buffers and images, as softras takes them.
 
-use super::buffer_part::BufferPart;
 use crate::{Error, Result};
 use ash::vk::{self, Handle};
 
@@ -34,9 +33,9 @@ impl BufferRef {
         unsafe { Self::new(vk::Buffer::from_raw(buffer), size, vk::BufferUsageFlags::from_raw(usage)) }
     }
 
-    /// A part that was bound, as the host gave it.
-    pub(super) fn of_part(part: &BufferPart) -> Self {
-        Self { raw: part.raw(), offset: part.offset(), range: part.range(), usage: part.usage() }
+    /// A part of a buffer that a host gave before.
+    pub(super) fn known(raw: vk::Buffer, offset: u64, range: u64, usage: vk::BufferUsageFlags) -> Self {
+        Self { raw, offset, range, usage }
     }
 
     /// `range` bytes of it from `offset` on.

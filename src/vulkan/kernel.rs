@@ -1,6 +1,8 @@
 //! The kernels: SPIR-V, and the interface that `build.rs` reads out of it.
 
 use super::host_memory::ImageFormat;
+use super::result::misuse_of;
+use crate::Error;
 
 /// A compute kernel: its SPIR-V and all that the SPIR-V says about its interface.
 ///
@@ -35,6 +37,11 @@ pub struct Kernel {
 }
 
 impl Kernel {
+    /// The error for a use that its interface does not allow; `call` is the Vulkan call that would be invalid.
+    pub(super) fn misuse(&self, call: &'static str, what: &str) -> Error {
+        misuse_of(call, &format!("kernel `{}`: {what}", self.name))
+    }
+
     /// The binding of this name.
     pub fn binding(&self, name: &str) -> Option<&'static Binding> {
         self.bindings.iter().find(|b| b.name == name)

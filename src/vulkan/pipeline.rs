@@ -5,7 +5,7 @@ use super::cache::PipelineCache;
 use super::device::Device;
 use super::keep::Kept;
 use super::kernel::{BindingKind, Kernel, SpecValue};
-use super::result::{Named, misuse, vulkan};
+use super::result::{Named, vulkan};
 use super::specialized::{Depth, specialized};
 use crate::{Error, Result};
 use ash::vk;
@@ -39,7 +39,7 @@ impl Pipeline {
         cache: Option<&PipelineCache>,
     ) -> Result<Self> {
         if cache.is_some_and(|cache| cache.device().raw().handle() != device.raw().handle()) {
-            return Err(misuse("vkCreateComputePipelines", kernel, "the pipeline cache is of another device"));
+            return Err(kernel.misuse("vkCreateComputePipelines", "the pipeline cache is of another device"));
         }
         let constants = SpecConstants::new(kernel, specialization)?;
         let local_size = constants.local_size(kernel);
@@ -147,14 +147,14 @@ impl SpecConstants {
             let Some(constant) = kernel.specialization.iter().find(|s| s.name == *name) else {
                 let known: Vec<_> = kernel.specialization.iter().map(|s| s.name).collect();
                 let what = format!("there is no specialization constant `{name}`, only {}", known.join(", "));
-                return Err(misuse(call, kernel, &what));
+                return Err(kernel.misuse(call, &what));
             };
             if !constant.default.same_type(*value) {
                 let what = format!("specialization constant `{name}` is of the type of {:?}", constant.default);
-                return Err(misuse(call, kernel, &format!("{what}, not {value:?}")));
+                return Err(kernel.misuse(call, &format!("{what}, not {value:?}")));
             }
             if constants.insert(constant.id, value.word()).is_some() {
-                return Err(misuse(call, kernel, &format!("specialization constant `{name}` is given twice")));
+                return Err(kernel.misuse(call, &format!("specialization constant `{name}` is given twice")));
             }
         }
         Ok(Self(constants))
@@ -195,7 +195,7 @@ fn check_limits(device: &Device, kernel: &Kernel, local_size: [u32; 3]) -> Resul
     let bytes = kernel.push_constant_bytes.into();
     check("its push constants", bytes, "bytes", "maxPushConstantsSize", limits.max_push_constants.into())?;
     if local_size.contains(&0) {
-        return Err(misuse("vkCreateComputePipelines", kernel, "a workgroup without invocations"));
+        return Err(kernel.misuse("vkCreateComputePipelines", "a workgroup without invocations"));
     }
     let invocations = local_size.iter().map(|&n| u64::from(n)).product();
     let limit = limits.max_workgroup_invocations.into();
@@ -266,5 +266,5 @@ fn create_pipeline(
     unsafe { device.raw().destroy_shader_module(module, device.callbacks()) };
     let call = "vkCreateComputePipelines";
     let made = result.map_err(|(_, result)| vulkan(call, result))?;
-    made.first().copied().ok_or_else(|| misuse(call, kernel, "no pipeline came back"))
+    made.first().copied().ok_or_else(|| kernel.misuse(call, "no pipeline came back"))
 }

@@ -6,7 +6,7 @@ use super::device::Device;
 use super::host::HostCommands;
 use super::keep::Keep;
 use super::pipeline::Pipeline;
-use super::result::{misuse, misuse_of};
+use super::result::misuse_of;
 use super::timestamps::TimestampPool;
 use crate::{Error, Result};
 use ash::vk;
@@ -310,14 +310,14 @@ impl<'a> Recorder<'a> {
     fn check(&self, pipeline: &Pipeline, set: &DescriptorSet, push: &[u8]) -> Result<()> {
         let (call, kernel, device) = ("vkCmdDispatch", pipeline.kernel(), self.device.raw().handle());
         if !std::ptr::eq(kernel, set.kernel()) {
-            return Err(misuse(call, kernel, &format!("the descriptor set is of kernel `{}`", set.kernel().name)));
+            return Err(kernel.misuse(call, &format!("the descriptor set is of kernel `{}`", set.kernel().name)));
         }
         if push.len() != kernel.push_constant_bytes as usize {
             let (given, wanted) = (push.len(), kernel.push_constant_bytes);
-            return Err(misuse(call, kernel, &format!("{given} bytes of push constants given, it has {wanted}")));
+            return Err(kernel.misuse(call, &format!("{given} bytes of push constants given, it has {wanted}")));
         }
         let ours = [pipeline.inner().device(), set.inner().device()].iter().all(|d| d.raw().handle() == device);
-        if ours { Ok(()) } else { Err(misuse(call, kernel, "pipeline or descriptor set is of another device")) }
+        if ours { Ok(()) } else { Err(kernel.misuse(call, "pipeline or descriptor set is of another device")) }
     }
 
     /// Checks that the buffer is of this device and was made for this use, and that the bytes lie inside its part, aligned to

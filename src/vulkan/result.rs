@@ -1,6 +1,5 @@
 //! Conversion of VkResult, and of misuse found by our own checks, to [`Error`].
 
-use super::kernel::Kernel;
 use crate::Error;
 use ash::vk;
 
@@ -36,13 +35,7 @@ pub(super) fn vulkan(call: &'static str, result: vk::Result) -> Error {
     Error::Vulkan { call, result: name }
 }
 
-/// The error for a kernel that is used in a way that its interface does not allow; `call` is the Vulkan call that would be
-/// invalid.
-pub(super) fn misuse(call: &'static str, kernel: &Kernel, what: &str) -> Error {
-    misuse_of(call, &format!("kernel `{}`: {what}", kernel.name))
-}
-
-/// The error for a misuse that concerns no kernel.
+/// The error for a misuse that our own checks found; `call` is the Vulkan call that would be invalid.
 pub(super) fn misuse_of(call: &'static str, what: &str) -> Error {
     Error::Vulkan { call, result: what.to_string() }
 }

@@ -5,6 +5,7 @@ use super::super::cache::PipelineCache;
 use super::super::device::Device;
 use super::super::result::Named;
 use super::allocation::{allocator, direct_types};
+use super::disk_cache::CacheFolder;
 use super::instance::Instance;
 use super::loader::Loader;
 use super::select;
@@ -12,7 +13,6 @@ use super::validation::ValidationLog;
 use crate::Result;
 use ash::vk;
 use gpu_allocator::vulkan::Allocator;
-use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
 
 /// How to open a device.
@@ -27,18 +27,6 @@ pub struct ContextOptions {
     pub cache: CacheFolder,
     /// The Vulkan loader; `None`: the driver that SOFTRAS_DRIVER names, else the system's loader.
     pub loader: Option<Loader>,
-}
-
-/// Where compiled kernels are kept.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub enum CacheFolder {
-    /// `softras` in the user's cache folder.
-    #[default]
-    User,
-    /// This folder.
-    At(PathBuf),
-    /// Nowhere.
-    Nowhere,
 }
 
 /// A device of our own, with its memory, its queue and its pipeline cache.
@@ -62,6 +50,16 @@ pub(super) struct ContextInner {
     /// writing them costs the host nothing. Zero on a discrete GPU.
     pub(super) direct_types: u32,
     pub(super) device: Device,
+}
+
+impl Loader {
+    /// Its devices, suitable or not, as [`Renderer::devices`](crate::Renderer::devices).
+    ///
+    /// # Errors
+    /// [`Error::NoDevice`]; [`Error::Vulkan`].
+    pub fn devices(&self) -> Result<Vec<DeviceInfo>> {
+        Context::devices(Some(self))
+    }
 }
 
 impl Context {

@@ -3,7 +3,6 @@
 
 use super::super::device::Device;
 use super::super::result::Named;
-use super::context::CacheFolder;
 use crate::Result;
 use ash::vk;
 use std::{
@@ -11,6 +10,18 @@ use std::{
     io::{Read, Write},
     path::{Path, PathBuf},
 };
+
+/// Where compiled kernels are kept.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub enum CacheFolder {
+    /// `softras` in the user's cache folder.
+    #[default]
+    User,
+    /// This folder.
+    At(PathBuf),
+    /// Nowhere.
+    Nowhere,
+}
 
 /// The first bytes of our files; a checksum of the driver's data follows.
 const MAGIC: &[u8; 8] = b"softras1";

@@ -2,17 +2,13 @@
 
 use super::super::devices_lock::changing_devices;
 use super::super::result::Named;
-use super::loader::{Loader, system_entry};
+use super::loader::{INSTALL, Loader, system_entry};
 use super::validation::{Checks, LAYER, Messenger, ValidationLog};
 use crate::{Error, Result};
 use ash::vk;
 use std::ffi::CStr;
 use std::path::Path;
 use std::sync::Arc;
-
-/// How a machine gets a device.
-pub(super) const INSTALL: &str = "install a graphics driver with Vulkan 1.1, or the software device \
-    (Debian, Ubuntu: apt install libvulkan1 mesa-vulkan-drivers), or name a driver's file by SOFTRAS_DRIVER";
 
 /// An instance of ours, with its messenger.
 pub(in crate::vulkan) struct Instance {

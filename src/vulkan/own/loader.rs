@@ -1,14 +1,16 @@
 //! Where Vulkan's functions come from: the system's loader, an engine's own, or a driver's file without any loader.
 
-use super::super::adapter::DeviceInfo;
 use super::super::result::Named;
-use super::{Context, INSTALL};
 use crate::{Error, Result};
 use ash::vk;
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 use std::sync::{Arc, OnceLock};
+
+/// How a machine gets a device.
+pub(super) const INSTALL: &str = "install a graphics driver with Vulkan 1.1, or the software device \
+    (Debian, Ubuntu: apt install libvulkan1 mesa-vulkan-drivers), or name a driver's file by SOFTRAS_DRIVER";
 
 /// The version of the interface between loader and driver that came with Vulkan 1.1.
 const INTERFACE: u32 = 5;
@@ -84,14 +86,6 @@ impl Loader {
             }
             other => other,
         })
-    }
-
-    /// Its devices, suitable or not, as [`Renderer::devices`](crate::Renderer::devices).
-    ///
-    /// # Errors
-    /// [`Error::NoDevice`]; [`Error::Vulkan`].
-    pub fn devices(&self) -> Result<Vec<DeviceInfo>> {
-        Context::devices(Some(self))
     }
 
     pub(super) fn entry(&self) -> ash::Entry {

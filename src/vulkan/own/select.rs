@@ -3,7 +3,8 @@
 use super::super::adapter::{DeviceInfo, compute_family, describe};
 use super::super::devices_lock::changing_devices;
 use super::super::result::Named;
-use super::instance::{INSTALL, Instance};
+use super::instance::Instance;
+use super::loader::INSTALL;
 use crate::{Error, Result};
 use ash::vk;
 use std::path::Path;
