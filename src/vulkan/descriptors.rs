@@ -125,7 +125,10 @@ impl DescriptorPool {
             }
         }
         let raw = self.0.allocate(pipeline.inner().set_layout())?;
-        device.name_object(raw, kernel.name);
+        // Mesa's lavapipe never frees the name of a set, and a renderer makes sets for each new size of its images.
+        if !device.is_lavapipe() {
+            device.name_object(raw, kernel.name);
+        }
         // SAFETY: the set was just allocated with this kernel's layout; what it points to is kept below, or by the host
         // (`BufferRef::new`, `ImageRef::new`, `TextureRef::new`).
         unsafe { write(device, raw, &matched) };

@@ -88,6 +88,24 @@ fn growth(times: u32, work: impl Fn()) -> u64 {
     resident().saturating_sub(settled)
 }
 
+/// Every new size has buffers, sets and commands of its own.
+#[test]
+fn frames_of_changing_size_leave_nothing_behind() {
+    let _guard = shim::lock();
+    let renderer = std::cell::RefCell::new(Renderer::new().unwrap());
+    let scene = Scene::new(shapes::cube().unwrap());
+    let cameras = [Camera::from_angles(3.0, 20.0, 30.0, Projection::Perspective { fov_y: 1.0 }).unwrap()];
+    let sizes = [16, 40].map(|side| Settings { width: side, height: side, ..Settings::default() });
+    let two = || {
+        for settings in &sizes {
+            renderer.borrow_mut().render(&scene, &cameras, settings).unwrap();
+        }
+    };
+    let grown = growth(5_000, two);
+    println!("growth of 10,000 frames of changing size {} KiB", grown >> 10);
+    assert!(grown < SLACK / 4, "{grown} bytes");
+}
+
 /// A renderer that renders and differentiates destroys all that it made, and frees all that Rust allocated for it. The
 /// process still grows by the memory in which the driver compiles kernels: a renderer that compiles none leaves as
 /// little behind as a bare device of a foreign engine.
