@@ -19,9 +19,9 @@ pub use host::requirements::Requirements;
 pub use pass::Pass;
 pub use pass::buffers::PassBuffer;
 pub use pass::builder::{PassBuilder, PassPlan, PassStatus};
+pub use pass::image_store::{FrameImage, ImageBindings};
 pub use pass::memory::{MemoryKind, MemoryRequirement, PassMemory};
 pub use pass::rebind::Rebound;
-pub use pass::store::{FrameImage, ImageBindings};
 pub use place::counts::Counts;
 
 #[cfg(feature = "renderer")]

@@ -114,8 +114,8 @@ impl Camera {
     /// A [4, 4] or [3, 4] world-to-view matrix; view space has x right, y up and z **forward**, so that its determinant is
     /// negative unless `mirrored`.
     ///
-    /// One projection as for `look_at`. Raises CameraError for a matrix of another convention, and for what is no rotation and
-    /// translation.
+    /// One projection as for `look_at`. With `mirrored` the determinant is positive and images are mirrored. Raises CameraError for
+    /// a matrix of another convention, and for one that is not a rotation and a translation.
     #[staticmethod]
     #[pyo3(signature = (view, *, fov_y = None, half_height = None, pinhole = None, mirrored = false))]
     fn from_matrix(

@@ -30,7 +30,7 @@ pub fn upstream<T>(
     Ok(all)
 }
 
-/// The shapes of a mesh's arrays that its gradient has as well.
+/// The sizes of a mesh that its gradients' arrays have too.
 pub struct Shapes {
     triangles: usize,
     channels: usize,

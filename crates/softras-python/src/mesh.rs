@@ -51,7 +51,7 @@ fn colors(value: &Bound<'_, PyAny>, means: &str) -> PyResult<Appearance> {
     }
 }
 
-/// Cells of each triangle, `[T, R², 3]`.
+/// Surface colours `[T, R², 3]`, R cells along each edge of a triangle.
 fn surface(value: &Bound<'_, PyAny>, means: &str) -> PyResult<Appearance> {
     let array = floats(value, "surface", means)?;
     let resolution = match array.shape() {

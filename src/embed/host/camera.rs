@@ -230,7 +230,7 @@ mod tests {
         DMat4::from_cols(column(0), column(1), column(2), DVec4::new(-x.dot(eye), -y.dot(eye), -z.dot(eye), 1.0))
     }
 
-    /// One way of making matrices: the bits of `kind` choose handedness, y, depth and projection.
+    /// A random view and projection matrix. The bits of `kind` choose handedness, y, depth and projection.
     fn matrices(random: &mut Random, kind: u32) -> (DMat4, DMat4, ClipSpace) {
         let bit = |i: u32| kind >> i & 1 == 1;
         let (left_handed, symmetric, reversed, infinite, parallel) = (bit(0), bit(2), bit(3), bit(4), bit(5));

@@ -483,7 +483,7 @@ impl PassPlan {
         self.cameras.iter().map(|view| camera_texels(&view.camera, &self.settings)).collect()
     }
 
-    /// The region of one view of an image in a buffer that holds it as the pass's own does, for vkCmdCopyBufferToImage.
+    /// The region of one view for vkCmdCopyBufferToImage, from a buffer with the layout of the pass's own buffer.
     ///
     /// | buffer | format of the image | texel |
     /// | --- | --- | --- |

@@ -267,7 +267,7 @@ impl Layouts {
         arenas.map(|arena| arena.alignment).max().unwrap_or(STEP)
     }
 
-    /// The three buffers.
+    /// The size, usage and alignment of the upload, the device and the readback buffer. `usages` are what the host adds, in this order.
     pub fn memory(&self, usages: [vk::BufferUsageFlags; 3]) -> [MemoryRequirement; 3] {
         use vk::BufferUsageFlags as U;
         let requirement = |kind, size: u64, usage, extra: U, alignment| MemoryRequirement {

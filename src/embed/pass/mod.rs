@@ -3,12 +3,12 @@
 pub mod buffers;
 pub mod builder;
 mod gradients;
+pub mod image_store;
 pub mod memory;
 #[cfg(feature = "renderer")]
 mod own;
 pub mod rebind;
 mod scene;
-pub mod store;
 
 use crate::constants as c;
 use crate::embed::host::mesh::{GeometryGradients, MeshBuffers, MeshLook, TexelSource};

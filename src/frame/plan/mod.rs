@@ -22,14 +22,14 @@ mod modes;
 mod rare;
 #[cfg(test)]
 mod tests;
-mod walk;
+mod walked_tiles;
 
 pub use backward::{BackwardInput, BackwardPlan, wants_vertices};
 pub use capacity::Capacity;
 pub use frame::{FramePush, split};
 pub use modes::{DepthSpan, Lenses, Modes, Sampling};
 pub use rare::Rare;
-pub use walk::Walks;
+pub use walked_tiles::Walks;
 
 use crate::constants as c;
 use crate::error::{Error, Result};

@@ -71,8 +71,8 @@ impl DepthSpan {
         Self::of_depths(nearest, farthest, settings)
     }
 
-    /// The span of a mesh. Its vertices are tested one by one if its box may cross a plane: the box of a mesh may
-    /// cross where the mesh does not, and a frame in which nothing crosses is faster.
+    /// The span of a mesh. If its box crosses a plane, every vertex is tested, since the box is larger than the mesh, and a frame
+    /// in which nothing crosses is faster.
     pub(crate) fn of_mesh(mesh: &Mesh, bounds: Option<Bounds>, camera: &Camera, settings: &Settings) -> Self {
         let inside = Self { crosses_near: false, crosses_far: false };
         let of_box = Self::of(bounds, camera, settings);

@@ -77,7 +77,7 @@ pub(super) fn ids(instruction: &mut [u32]) -> impl Iterator<Item = &mut u32> {
     instruction.iter_mut().enumerate().filter(move |(i, _)| *i > 0 && *i < end && *i != literal).map(|(_, id)| id)
 }
 
-/// The instruction with other ids in the place of those that the map has.
+/// Replaces every id that the map contains.
 pub(super) fn renamed(mut instruction: Instruction, map: &HashMap<u32, u32>) -> Instruction {
     ids(&mut instruction).for_each(|id| *id = resolved(map, *id));
     instruction

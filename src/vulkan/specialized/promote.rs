@@ -1,5 +1,5 @@
 //! Local variables replaced by the values that they hold (Braun et al. 2013, Simple and Efficient Construction of Static Single
-//! Assignment Form), but for those that a loop carries on.
+//! Assignment Form). A variable that a loop changes from one turn to the next stays.
 
 use super::constants::Constants;
 use super::function::{Block, Function};
@@ -221,8 +221,8 @@ impl Promotion<'_> {
         }
     }
 
-    /// The value of a slot at the end of a block, or so far in the block that is being processed. Variables that a loop
-    /// carries on are not promoted, so values come only from earlier blocks.
+    /// The last value of a slot in a block: at its end, or, in the block that is being processed, at the current instruction. No variable
+    /// that a loop changes is promoted, so only earlier blocks are asked.
     fn read(&mut self, block: usize, slot: PartNumber) -> u32 {
         // This does not recurse, because there may be thousands of blocks.
         let mut asked = vec![block];

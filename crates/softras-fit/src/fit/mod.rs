@@ -6,10 +6,10 @@ pub mod checkpoint;
 pub mod hollows;
 pub mod options;
 pub mod paint;
-pub mod recut;
 pub mod scores;
 pub mod setup;
 pub mod texels;
+pub mod topology_recut;
 
 use crate::{
     ShapeFit, ShapeOptions, ShapeRun, StepLosses, bad,
@@ -159,8 +159,8 @@ pub struct Fitting {
 }
 
 impl Fitting {
-    /// Takes the next step, before which the mesh may get other triangles, and returns whether the fit goes on: not at its end, nor
-    /// once `told` has broken it.
+    /// Takes the next step. Before it the mesh is subdivided, remeshed or cut anew where that is due. Returns false at the end, and once
+    /// `told` has stopped the fit.
     ///
     /// # Errors
     /// As [`ShapeFit::step`], and of what the mesh is subdivided, remeshed or cut with.

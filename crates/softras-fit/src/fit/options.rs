@@ -202,7 +202,7 @@ impl FitOptions {
         held_out.into_iter().map(|(view, _)| view).collect()
     }
 
-    /// The numbers of the views that are compared.
+    /// The numbers of the views that are fitted to: every `view_stride`-th that is not held out.
     pub(crate) fn fitted(&self, subject: &Subject) -> Vec<usize> {
         let all = (0..subject.views.cameras.len()).step_by(self.view_stride.max(1));
         all.filter(|view| !subject.held_out.contains(view)).collect()

@@ -6,5 +6,5 @@ pub mod regularizer;
 pub mod run;
 pub mod schedule;
 pub mod shape;
-pub mod smoothing;
+pub mod smoothed_parameters;
 pub mod soft_target;

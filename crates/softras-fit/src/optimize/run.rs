@@ -61,9 +61,9 @@ impl ShapeRun {
         Self { shape, targets: targets.clone(), latest: VecDeque::new(), best: None, before: None, first: 0, next: 0 }
     }
 
-    /// Takes a step: renders the targets' views, compares them, and moves vertices with step size `rate`, in world units
-    /// about the distance that a vertex moves, and colours with `color_rate`. Returns the losses before the move. The fit sets
-    /// size, outputs and `save` of the settings itself; near and far have to hold the mesh wherever it moves, see
+    /// Takes a step: it renders the targets' views, compares them, and moves vertices and colours. A vertex moves by about `rate`
+    /// world units, a colour by about `color_rate`. Returns the losses before the move. The fit sets size, outputs and `save` of the
+    /// settings itself; near and far have to hold the mesh wherever it moves, see
     /// [`Settings::with_depths_of`].
     ///
     /// # Errors

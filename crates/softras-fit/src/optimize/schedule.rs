@@ -15,7 +15,7 @@ pub enum Schedule {
 }
 
 impl From<(f64, f64)> for Schedule {
-    /// From the first to the second by equal factors; constant where they are one.
+    /// Goes from the first to the second value by one factor each step. Equal values give a constant.
     fn from((from, to): (f64, f64)) -> Self {
         if from == to { Self::Constant(from) } else { Self::Exponential { from, to } }
     }

@@ -352,7 +352,7 @@ impl Spots {
         pixels_around(row * size.1 + column, size, true).find_map(|pixel| self.of_pixel[pixel].checked_sub(1))
     }
 
-    /// The pixels of small spots and of those beside them, about.
+    /// An estimate of the pixels in and beside small spots: each spot counts as a square that is one pixel wider on every side.
     fn small(&self) -> f64 {
         let wide = |spot: &Vec<usize>| ((spot.len() as f64).sqrt() + 2.0).powi(2);
         self.pixels.iter().filter(|spot| spot.len() <= SMALL).map(wide).sum()

@@ -1,7 +1,7 @@
 //! Masks that are wider than the object by some pixels in all views, as thresholds and dilation leave them.
 //!
-//! Outlines alone do not show it: a larger object would have them. Colours do. Points of a surface that lies before that of the object
-//! have another colour in each view.
+//! Outlines alone do not show it, since a larger object would have the same ones. Colours do: a point in front of the true surface has
+//! another colour in each view.
 
 use super::{exposure::disagreement, refine::settings, subject::Subject};
 use crate::{
@@ -25,7 +25,8 @@ const SAMPLES: f64 = 0.6;
 const LEAST: usize = 16;
 const FINEST: usize = 112;
 
-/// Narrows the masks of all views by as many pixels as make the colours agree best on their hull, and notes it. Returns whether it did.
+/// Tries several widths and takes the one whose hull makes the views' colours agree best. If they agree much better than before, it
+/// narrows all masks by that width, with a note. Returns whether it did.
 pub fn narrowed(subject: &mut Subject, work: &mut Work) -> Result<bool> {
     if subject.views.color.is_none() || subject.views.cameras.len() < FEWEST {
         return Ok(false);

@@ -1,9 +1,9 @@
 //! The visual hull: the largest solid that has given silhouettes (Laurentini, "The Visual Hull Concept for Silhouette-Based
 //! Image Understanding", 1994), as a mesh to begin a fit with.
 //!
-//! A point of a solid lies within its silhouette in every picture. So the hull is where f > 0, f(p) the least, over all
-//! pictures, of the signed distance between p's projection and the silhouette's outline, in world units at p's depth. It is
-//! sampled on a grid, and the mesh is its zero level. Where a picture has a depth, what lies in front of it is outside too: f is
+//! A point of a solid lies within its silhouette in every picture. For a picture take the signed
+//! distance between p's projection and the silhouette's outline, in world units at p's depth; f(p) is the least of all pictures, and the
+//! hull is where f > 0. f is sampled on a grid, and the mesh is its zero level. Where a picture has a depth, what lies in front of it is outside too: f is
 //! at most p's depth less the picture's.
 
 use crate::bad;
@@ -295,7 +295,8 @@ impl View {
     }
 }
 
-/// A position in pixels of the distances' image, with the world units of a screen unit there and the view depth.
+/// Where a view sees a point: column and row in the image of distances, and the view depth. `unit` is the length in world units of half
+/// the image's height at that depth.
 struct PixelPlace {
     column: f64,
     row: f64,

@@ -101,7 +101,7 @@ impl<'a> Document<'a> {
         Ok(bytes)
     }
 
-    /// The content of a part of a buffer, and its stride, 0 where there is none.
+    /// The bytes of buffer view `index`, and its stride: 0 where the file gives none.
     pub fn view(&mut self, source: &mut Source, index: usize) -> Result<(View<'a>, usize), GltfWrong> {
         let all = &self.root.buffer_views;
         let view = all.get(index).ok_or_else(|| lacks("view", index, all.len()))?;

@@ -200,7 +200,7 @@ pub(super) fn textures(
     Ok((textures.images, of_piece))
 }
 
-/// The number of the texture of a map, and how it goes on beyond its edges along u and v.
+/// The number of a map's texture, and its wrap modes along u and v.
 fn placed(source: &mut Source, document: &Document, map: &TextureMap) -> Result<(usize, [Edge; 2]), GltfWrong> {
     let root = document.root;
     let index = map.info.index.0;

@@ -1,4 +1,4 @@
-//! Pictures as they were taken, of which the part that shows the object is kept, in bytes; and the views of one size made of them.
+//! Keeps the part of each picture that shows the object, in bytes, and makes views of one size from these parts.
 
 use super::{
     Views, ViewsOptions,
@@ -115,7 +115,8 @@ impl Photograph {
         (MARGIN * height.max(width / aspect)).min(most)
     }
 
-    /// The upper left corner of a crop.
+    /// The upper left corner of a crop of these sides around the object. If the border cuts the object, the crop stays inside the
+    /// picture where it fits.
     fn corner_of(&self, sides: [f64; 2]) -> [f64; 2] {
         let whole = [f64::from(self.whole.0), f64::from(self.whole.1)];
         [0, 1].map(|k| {
@@ -332,7 +333,7 @@ pub(super) fn premultiplied(pixel: &Rgba<u8>) -> [f32; 4] {
     [r, g, b, alpha]
 }
 
-/// The bytes of linear colour over black, and alpha.
+/// Divides linear colour by the alpha that it is multiplied with, and encodes it as bytes in sRGB.
 pub(super) fn straight(pixel: [f64; 4]) -> Rgba<u8> {
     let byte = |x: f64| (255.0 * x.clamp(0.0, 1.0)).round() as u8;
     let alpha = pixel[3];

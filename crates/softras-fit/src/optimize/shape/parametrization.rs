@@ -2,7 +2,7 @@
 
 use crate::bad;
 use crate::mesh::topology::Topology;
-use crate::optimize::smoothing::Smoothing;
+use crate::optimize::smoothed_parameters::Smoothing;
 use glam::DVec3;
 use softras::Result;
 
