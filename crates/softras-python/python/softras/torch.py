@@ -96,7 +96,10 @@ class _Render(torch.autograd.Function):
         # A hook for saved tensors may have made a copy of it.
         kept = getattr(owner, "kept", None) or _scene.Kept()
         task = (ctx.scene, kept, ctx.needs_input_grad[3:], tuple(given))
-        return (None, None, None, *_Gradient.apply(task, *given.values(), *tensors))
+        # Gradients are enabled here for a second derivative alone, which is an error of `_Gradient`'s backward.
+        is_plain = plain() and not torch.is_grad_enabled()
+        found = (_Gradient.forward if is_plain else _Gradient.apply)(task, *given.values(), *tensors)
+        return (None, None, None, *found)
 
 
 class _Gradient(torch.autograd.Function):
