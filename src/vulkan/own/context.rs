@@ -56,7 +56,7 @@ impl Loader {
     /// Its devices, suitable or not, as [`Renderer::devices`](crate::Renderer::devices).
     ///
     /// # Errors
-    /// [`Error::NoDevice`]; [`Error::Vulkan`].
+    /// [`crate::Error::NoDevice`]; [`crate::Error::Vulkan`].
     pub fn devices(&self) -> Result<Vec<DeviceInfo>> {
         Context::devices(Some(self))
     }
