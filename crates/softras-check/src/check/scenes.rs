@@ -93,14 +93,13 @@ fn softmax_cases() -> Result<Vec<CheckCase>> {
 
 fn mode_cases() -> Result<Vec<CheckCase>> {
     let hard = Settings { color: ColorAggregation::Hard, distance: Distance::Barycentric, ..soft() };
-    let about = "the nearest triangle's colour, barycentric distance, an orthographic camera";
-    let mut hard = case("hard", about, ring()?, hard)?;
-    hard.cameras = vec![camera(4.0, Projection::Orthographic { half_height: 1.2 })?];
+    let hard = case("hard", "the nearest triangle's colour, barycentric distance", ring()?, hard)?;
     let sum = Settings { silhouette: SilhouetteAggregation::Sum, faces: Faces::Front, ..soft() };
-    let about = "summed silhouette, front faces, flat light, a calibrated camera, cells of colour on every triangle";
+    let about = "summed silhouette, front faces, flat light, cells of colour on every triangle, a calibrated and an orthographic camera";
     let mut sum = case("sum", about, cells()?, sum)?;
     sum.scene.lights = lights(Shading::Flat);
-    sum.cameras = vec![camera(4.0, Projection::Pinhole { fx: 55.0, fy: 58.0, cx: 19.0, cy: 18.5 })?];
+    let calibrated = Projection::Pinhole { fx: 55.0, fy: 58.0, cx: 19.0, cy: 18.5 };
+    sum.cameras = vec![camera(4.0, calibrated)?, camera(4.0, Projection::Orthographic { half_height: 1.2 })?];
     Ok(vec![hard, sum])
 }
 
